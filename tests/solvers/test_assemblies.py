@@ -67,10 +67,10 @@ def looked_at(number: int) -> str:
     return "held" if certificate.unique is True else "held, perhaps not only so"
 
 
-def test_thirty_assemblies_are_solved_as_brute_force_says() -> None:
-    seen = [looked_at(number) for number in range(30)]
-    assert sum(one.startswith("held") for one in seen) >= 15
-    assert seen.count("refused") >= 5
+def test_ten_assemblies_are_solved_as_brute_force_says() -> None:
+    seen = [looked_at(number) for number in range(10)]
+    assert sum(one.startswith("held") for one in seen) >= 5
+    assert seen.count("refused") >= 1
 
 
 def test_a_body_that_ran_away_is_no_solution() -> None:
@@ -79,7 +79,7 @@ def test_a_body_that_ran_away_is_no_solution() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(9))
+@pytest.mark.parametrize("block", range(10))
 def test_hundreds_of_assemblies_are_solved_as_brute_force_says(block: int) -> None:
-    seen = [looked_at(number) for number in range(30 * (block + 1), 30 * (block + 2))]
+    seen = [looked_at(number) for number in range(30 * block, 30 * (block + 1))]
     assert any(one.startswith("held") for one in seen)

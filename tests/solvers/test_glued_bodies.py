@@ -18,6 +18,7 @@ from hemivar.fem import LoadLine
 from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS
 from tests import bodies
+from tests.samples import slow
 
 GLUE = hv.Adhesive(24.0, 2.0, 6.0, 72.0)
 #: Resists the slip by springs 10 up to the stress 1, and then by less.
@@ -73,8 +74,14 @@ def rigid_equilibrium(part: float, cells: int = 4) -> np.ndarray | None:
     return np.asarray(q[1] + q[2] * x)
 
 
-@pytest.mark.parametrize("method", ["newton", "multigrid"])
-@pytest.mark.parametrize("mesh", [hv.rectangle((1.0, 1.0), 4), hv.box((1.0, 1.0, 1.0), 2)], ids=["plane", "space"])
+PLANE, SPACE = hv.rectangle((1.0, 1.0), 4), hv.box((1.0, 1.0, 1.0), 2)
+
+
+@pytest.mark.parametrize(
+    ("method", "mesh"),
+    [("newton", PLANE), ("multigrid", SPACE), slow("multigrid", PLANE), slow("newton", SPACE)],
+    ids=["plane-newton", "space-multigrid", "plane-multigrid", "space-newton"],
+)
 def test_a_block_hangs_on_its_glue_up_to_the_strength(method: str, mesh: Mesh) -> None:
     """In equilibrium every point opens by tension / stiffness, and the most that glue bears is strength times area."""
     for tension in (0.5, 1.99):

@@ -14,6 +14,7 @@ from hemivar.discrete.contact import selects
 from hemivar.fem import hierarchy
 from hemivar.solvers import choice
 from hemivar.systems import body_on_levels
+from tests.samples import slow
 
 SOFT = hv.Material.lame(4.0, 4.0)
 #: Cycles of a pair over those of one body: where the two touch or are glued, and where they part somewhere.
@@ -77,7 +78,7 @@ CURVED = hv.Contact(hv.Signorini(), hv.Tresca(0.02), against="l:top", gap=lambda
     ],
     ids=["alike", "stiff lower", "stiff upper", "friction", "glue", "springs", "half", "half, stiff", "hanging over"],
 )
-@pytest.mark.parametrize("sizes", [(24, 16), (48, 32)], ids=["3 levels", "4 levels"])
+@pytest.mark.parametrize("sizes", [(24, 16), slow((48, 32))], ids=["3 levels", "4 levels"])
 def test_a_pair_takes_the_cycles_of_one_body(
     sizes: tuple[int, int], contact: hv.Contact, material: hv.Material, shift: float, limit: float
 ) -> None:

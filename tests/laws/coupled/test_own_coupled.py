@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -37,13 +38,14 @@ BILINEAR = (
     f"piecewise((5e3*{RHO}, {RHO} < 0.003^2), "
     f"(0.045 + 30*(sqrt({RHO}) - 0.003) - 500*(sqrt({RHO}) - 0.003)^2, {RHO} < 0.033^2), (0.495, True))"
 )
+#: Made where they are first asked for: their bounds are sought then.
 LAWS = {
-    "gauss": lambda: CoupledFormulaLaw(GAUSS, reach=0.1),
-    "rigid": lambda: CoupledFormulaLaw("0.5*(1 - exp(-(r^2 + 4*s^2)/2e-4))", reach=0.1, rigid=True),
-    "convex": lambda: CoupledFormulaLaw("1e3*(r^2 + s^2) + 300*r*s^2", reach=0.1),
-    "friction": lambda: CoupledFormulaLaw("20*s + 5e3*max(r, 0)^2 + 2*max(r, 0)", reach=0.1),
-    "rubbing when open": lambda: CoupledFormulaLaw("20*s*(1 + 30*r^2)", reach=0.1, rigid=True),
-    "bilinear": lambda: CoupledFormulaLaw(f"{BILINEAR} + 5e3*max(r, 0)^2", reach=0.1),
+    "gauss": cache(lambda: CoupledFormulaLaw(GAUSS, reach=0.1)),
+    "rigid": cache(lambda: CoupledFormulaLaw("0.5*(1 - exp(-(r^2 + 4*s^2)/2e-4))", reach=0.1, rigid=True)),
+    "convex": cache(lambda: CoupledFormulaLaw("1e3*(r^2 + s^2) + 300*r*s^2", reach=0.1)),
+    "friction": cache(lambda: CoupledFormulaLaw("20*s + 5e3*max(r, 0)^2 + 2*max(r, 0)", reach=0.1)),
+    "rubbing when open": cache(lambda: CoupledFormulaLaw("20*s*(1 + 30*r^2)", reach=0.1, rigid=True)),
+    "bilinear": cache(lambda: CoupledFormulaLaw(f"{BILINEAR} + 5e3*max(r, 0)^2", reach=0.1)),
 }
 
 
@@ -120,7 +122,7 @@ def test_local_problems_have_the_minimisers_of_mixed_mode() -> None:
         assert (law.graph_distance(one, b - wide * one, 1.0 / a) <= 1e-8 * np.abs(b).max(axis=1)).all()
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(40, marks=pytest.mark.slow)])
 def test_random_local_problems_against_a_grid(count: int) -> None:
     """Glue of random strength, width and ratio, each on 50 random springs: no place of a fine grid is lower."""
     random = np.random.default_rng(5)
@@ -161,11 +163,11 @@ def test_a_search_without_its_grid_is_noticed(monkeypatch: pytest.MonkeyPatch) -
 
 def test_the_distance_to_the_graph_is_bracketed() -> None:
     law, random = LAWS["gauss"](), np.random.default_rng(6)
-    r = random.uniform(-0.03, 0.03, (12, 2))
+    r = random.uniform(-0.03, 0.03, (6, 2))
     lam = law.linearise(r).gradient + random.uniform(-20.0, 20.0, r.shape)
-    tau = 10.0 ** random.uniform(-5.0, -3.0, (12, 2))
+    tau = 10.0 ** random.uniform(-5.0, -3.0, (6, 2))
     low, high = law.graph_distance_bracket(r, lam, tau)
-    for i in range(12):
+    for i in range(6):
 
         def off(x: Array, i: int = i) -> float:
             place = r[i] + x * tau[i] * high[i]
