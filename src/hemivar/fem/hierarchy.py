@@ -70,6 +70,8 @@ class Coarser:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
         coarse = self.problem.field
         assert coarse is not None
+        if coarse.mesh is self.field.mesh:
+            return np.asarray(self.prolongation @ unknowns)
         assert self.field.mesh.parent is not None
         fine = self.field.mesh.parent.interpolation @ coarse.full(unknowns)
         return self.field.restrict(fine)

@@ -45,6 +45,8 @@ class Body(OfUnknowns, ABC):
     compliance: Array  # (m, 2): displacement for a unit pressure at a point when all else is held
     seconds: float = 0.0  # spent on setting up
     below: Self | None = None  # the same on the next coarser mesh, where a problem is posed there
+    # whether what lies below is the body on some of its nodes, there being no coarser mesh
+    thins: bool = False
 
     # ---- what an engine supplies -------------------------------------------------------------------------
 
