@@ -90,7 +90,7 @@ def cube(n: int, arrays: bool) -> hv.ContactProblem:
     if not arrays:
         return built
     mesh = built.mesh
-    plain = hv.Mesh(mesh.nodes, mesh.cells, boundaries=mesh.boundaries)
+    plain = hv.Mesh(mesh.points, mesh.cells, boundaries=mesh.boundaries)
     return replace(built, mesh=plain)
 
 

@@ -46,7 +46,7 @@ class NodeGraph:
 
     ``node (N,)``: their numbers in the field; ``points (N, d)``; ``near (N, N)``: ones between neighbours; ``label
     (N,)``: a bit for each contact boundary that a node has contact points on; ``rank (N,)``: those with a low one are
-    kept first.
+    kept first; ``whole (nodes, N)``: how all nodes of the field follow these.
     """
 
     node: IntArray
@@ -54,6 +54,7 @@ class NodeGraph:
     near: sp.csr_array
     label: IntArray
     rank: Array
+    whole: sp.csr_array
 
     @staticmethod
     def of(problem: DiscreteProblem) -> NodeGraph | None:
@@ -73,7 +74,7 @@ class NodeGraph:
         # A node at a corner or an edge has few cells.
         rank = np.bincount(cells.ravel(), minlength=count).astype(float)
         rank[label == 0] += many * count
-        return NodeGraph(np.arange(count), field.nodes, near, label, rank)
+        return NodeGraph(np.arange(count), field.nodes, near, label, rank, sp.eye_array(count, format="csr"))
 
     def kept(self) -> BoolArray:
         """A maximal independent set of the nodes."""
@@ -129,7 +130,8 @@ class NodeGraph:
         nearest = sp.csr_array((np.ones(last.size), (entries.row[last], entries.col[last])), shape=weights.shape)
         near = sp.csr_array(nearest.T @ self.near @ nearest)
         near.data[:] = 1.0
-        return NodeGraph(self.node[kept], self.points[kept], near, self.label[kept], self.rank[kept])
+        whole = sp.csr_array(self.whole @ weights)
+        return NodeGraph(self.node[kept], self.points[kept], near, self.label[kept], self.rank[kept], whole)
 
 
 def _least_squares(way: Array, square: Array, there: BoolArray) -> Array:
@@ -175,12 +177,16 @@ def coarser_by_nodes(problem: DiscreteProblem, graph: NodeGraph) -> tuple[Coarse
     if np.diff(contact.trace.indptr).sum() != np.diff(problem.contact.take(taken).trace.indptr).sum():
         return None
     select = sp.csr_array(sp.eye_array(chosen.size, format="csr")[chosen])
-    below = replace(field, basis=sp.csr_array(field.basis @ prolongation), lift=sp.csr_array(select @ field.lift))
+    left = graph.below(kept, weights)
+    prescribed = np.asarray(left.whole @ field.prescribed.reshape(-1, field.components)[left.node]).ravel()
+    shift = np.asarray(field.lift @ (prescribed - field.prescribed)) if field.prescribed.any() else None
+    basis, lift = sp.csr_array(field.basis @ prolongation), sp.csr_array(select @ field.lift)
+    below = replace(field, basis=basis, prescribed=prescribed, lift=lift)
     stiffness = sp.csr_array(prolongation.T @ problem.stiffness @ prolongation)
     model = Model(Quadratic(stiffness), contact, Space((below,)), None, problem.model.resisted)
     loading = Loading(prolongation.T @ problem.load, problem.offset[taken], problem.law.take(taken), 0.0)
     coarse = DiscreteProblem(model, loading, law_known=True)
-    return Coarser(coarse, prolongation, field, taken, {}), graph.below(kept, weights)
+    return Coarser(coarse, prolongation, field, taken, {}, shift), left
 
 
 def _prolongation(

@@ -173,15 +173,18 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
     where it ends.
     """
     convex = not _bent(system)
-    below = None if system.thins and not convex else system.posed_below()
+    shift = system.carried if convex else None
+    posed = system if shift is None else system.beyond(shift)
+    below = None if system.thins and not convex else posed.posed_below()
+    x, stopped = None, None
     try:
-        x, stopped = (None, None) if below is None else _solution_below(rough, direct, below, budget)
+        if below is not None:
+            x, stopped = _solution_below(rough, direct, below, budget)
     except ProblemError:
         if not system.thins:
             raise
-        x, stopped = None, None
     if x is not None:
-        x = system.from_below(x)
+        x = posed.from_below(x) if shift is None else shift + posed.from_below(x)
     elif convex:
         x = system.untouched()
     start = system.start(x)

@@ -61,6 +61,15 @@ class Body(OfUnknowns, ABC):
         """About the unknowns (n,) of the body under its load alone, without contact; None where that is not cheap."""
         return None
 
+    @property
+    def carried(self) -> Array | None:
+        """Unknowns (n,) of prescribed displacements carried into the body as a coarser one does; None for none."""
+        return None
+
+    def beyond(self, x: Array) -> Self:
+        """The same problem for what is added to unknowns (n,)."""
+        raise NotImplementedError
+
     def condensed(self) -> CondensedProblem | None:
         """The same problem condensed onto its contact points, where that costs less than steps on levels."""
         return None

@@ -305,6 +305,17 @@ class BodyProblem(Body):
         )
         return found.solution if float(np.linalg.norm(found.residual)) <= enough else None
 
+    @property
+    def carried(self) -> Array | None:
+        below = None if self.meshes else self._thinned
+        return None if below is None else below[0].shift
+
+    def beyond(self, x: Array) -> BodyProblem:
+        problem = self.problem
+        offset = np.where(self.active, problem.offset - problem.contact.trace_of(x), problem.offset)
+        there = problem.under(self.out_of_balance(x), offset=offset)
+        return self.posed(there, self.meshes, time.perf_counter())
+
     def from_below(self, x: Array) -> Array:
         return self._step.interpolate(x)
 
