@@ -178,10 +178,12 @@ def coarser_by_nodes(problem: DiscreteProblem, graph: NodeGraph) -> tuple[Coarse
         return None
     select = sp.csr_array(sp.eye_array(chosen.size, format="csr")[chosen])
     left = graph.below(kept, weights)
-    prescribed = np.asarray(left.whole @ field.prescribed.reshape(-1, field.components)[left.node]).ravel()
-    shift = np.asarray(field.lift @ (prescribed - field.prescribed)) if field.prescribed.any() else None
     basis, lift = sp.csr_array(field.basis @ prolongation), sp.csr_array(select @ field.lift)
-    below = replace(field, basis=basis, prescribed=prescribed, lift=lift)
+    below, shift = replace(field, basis=basis, lift=lift), None
+    if field.prescribed.any():
+        carried = np.asarray(left.whole @ field.prescribed.reshape(-1, field.components)[left.node]).ravel()
+        shift = np.asarray(field.lift @ (carried - field.prescribed))
+        below = replace(below, prescribed=field.prescribed + field.basis @ shift)
     stiffness = sp.csr_array(prolongation.T @ problem.stiffness @ prolongation)
     model = Model(Quadratic(stiffness), contact, Space((below,)), None, problem.model.resisted)
     loading = Loading(prolongation.T @ problem.load, problem.offset[taken], problem.law.take(taken), 0.0)
