@@ -39,6 +39,9 @@ class Coarser:
         The contact point of the finer problem at the place of each contact point of the coarser one.
     pairs : mapping
         Contact points of two bodies on the coarser mesh, by boundary.
+    shift : array, shape (n,), or None
+        Fine unknowns of what prescribed displacements are carried into the body as by the coarser problem, where that
+        is not a part of its field.
     """
 
     problem: DiscreteProblem
@@ -46,6 +49,7 @@ class Coarser:
     field: Field
     shared: IntArray
     pairs: Mapping[str, BoundaryContact]
+    shift: Array | None = None
 
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
@@ -70,6 +74,8 @@ class Coarser:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
         coarse = self.problem.field
         assert coarse is not None
+        if coarse.mesh is self.field.mesh:
+            return np.asarray(self.prolongation @ unknowns)
         assert self.field.mesh.parent is not None
         fine = self.field.mesh.parent.interpolation @ coarse.full(unknowns)
         return self.field.restrict(fine)
