@@ -81,6 +81,19 @@ class ContactChart(Chart):
         assert isinstance(bound, StateBound)
         return bound
 
+    @property
+    def in_one(self) -> tuple[GraphTables, Array | None] | None:
+        """Tables of both parts; where friction is bounded by multiples (m,) of the pressure, these and the bound 1.
+
+        None where the bound depends on the state otherwise.
+        """
+        if self.slip is None:
+            return self.tables, None
+        tables = GraphTables.of((self.law.normal, self.law.friction.profile), self.stiffness)
+        if tables is None or not self._bound.proportional:
+            return None
+        return tables, self.part * np.broadcast_to(self._bound.per_pressure, len(self.stiffness))
+
     def _columns(self, r: Array, lam: Array) -> list[tuple[GraphTables, slice]]:
         """Tables under the bounds of pairs (m, c), with the columns that are theirs."""
         if self.slip is None:
