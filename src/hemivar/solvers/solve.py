@@ -7,6 +7,7 @@ import time
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 
 import numpy as np
 import scipy.linalg as la
@@ -25,7 +26,7 @@ from hemivar.fem.posed import Posable, posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import PosedSystem, Solver, State
-from hemivar.solvers.choice import choose
+from hemivar.solvers.choice import choose, repaid
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.handing_on import LOWER, best_of, others, took_over
@@ -182,11 +183,15 @@ def solving(
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
     """The method where none was asked for; where a force can fall, downhill from rest, as a load that grows goes.
 
-    ``workspace``: one that condenses the problem already makes a condensing method cheap.
+    ``workspace``: one that condenses the problem already makes a condensing method cheap; one of many solves by
+    multigrid gets one as soon as it costs no more than these did.
     """
     chosen, reason = workspace.under_any_load("default method", problem, lambda: choose(problem))
-    if workspace.condenses(problem) and not isinstance(chosen, NonsmoothNewton):
-        chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
+    if not isinstance(chosen, NonsmoothNewton):
+        solves = next(workspace.once("solves by default", problem.model, count))
+        if workspace.condenses(problem) or repaid(problem, solves):
+            kept = "condensed already" if workspace.condenses(problem) else f"after {solves} solves by multigrid"
+            chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, {kept}"
     logging.getLogger("hemivar").info("%s", reason)
     solver = _for_body(suited(chosen, problem), problem)
     if problem.limit is None and not _falls(problem):
