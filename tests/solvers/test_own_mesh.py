@@ -142,7 +142,7 @@ def test_a_convex_energy_that_falls_is_no_stall(size: float) -> None:
 
 
 def test_the_choice_knows_that_meshes_without_a_coarser_one_cost_more() -> None:
-    stated = bodies.cube(hv.laws.Signorini(), cells=8)
+    stated = bodies.cube(hv.laws.Signorini(), cells=12)
     mesh = stated.mesh
     alone = stated.on(Mesh(mesh.points, mesh.cells, dict(mesh.boundaries)))
     (newton, known), (same, unknown) = (predicted_seconds(hv.discretize(one)) for one in (stated, alone))

@@ -513,7 +513,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         if self.contact_points > 0 or not vectors.alone:
             contact = self.contact
             r = contact.trace_of(u) - self.offset
-            moved = np.abs(contact.trace) @ np.abs(u)  # what may cancel in r
+            moved = contact.sizes @ np.abs(u)  # what may cancel in r
             sizes = vectors.largest(float(moved.max(initial=0.0)), float(np.abs(self.offset).max(initial=0.0)))
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
             own = contact_energy(law, contact.weights, r, 1e-12 * float(sizes.max()))

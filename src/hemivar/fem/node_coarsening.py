@@ -187,7 +187,7 @@ def coarser_by_nodes(problem: DiscreteProblem, graph: NodeGraph) -> tuple[Coarse
     stiffness = sp.csr_array(prolongation.T @ problem.stiffness @ prolongation)
     model = Model(Quadratic(stiffness), contact, Space((below,)), None, problem.model.resisted)
     loading = Loading(prolongation.T @ problem.load, problem.offset[taken], problem.law.take(taken), 0.0)
-    coarse = DiscreteProblem(model, loading, law_known=True)
+    coarse = DiscreteProblem(model, loading, (), None, True)
     return Coarser(coarse, prolongation, field, taken, {}, shift), left
 
 

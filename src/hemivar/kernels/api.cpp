@@ -332,12 +332,13 @@ HEMIVAR_API void hv_panels_forward(const Panels* panels, double* x) { panels->fo
 
 HEMIVAR_API void hv_panels_backward(const Panels* panels, double* x) { panels->backward(x); }
 
-// tables: stiffness, bounds, anchor, base, slope, knots, low, high, first, last, matrix, weights, compliance.
+// tables: stiffness, bounds, anchor, base, slope, knots, low, high, first, last, matrix, weights, compliance,
+// coefficient or null.
 HEMIVAR_API ActiveSets* hv_active_sets_new(int64_t n, int64_t states, const double* const* tables) {
     ActiveSets* made = nullptr;
     const double* const* t = tables;
     guarded([&] {
-        const Tables law{n, states, t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9]};
+        const Tables law{n, states, t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[13]};
         made = new ActiveSets(law, t[10], t[11], t[12]);
     });
     return made;

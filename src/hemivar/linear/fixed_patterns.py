@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
-from hemivar.kernels import Kernels
+from hemivar.kernels.library import Kernels
 from hemivar.linear.truncated_level import Level, narrow
 
 __all__ = ["FixedChange"]
