@@ -56,7 +56,7 @@ _FUZZ_STARS = """
 import contextlib
 from hemivar.bounds.compiled_stars import CompiledStars
 from hemivar.bounds.facet_table import facet_table
-from hemivar.kernels import alike_rows, mesh_facets, mesh_geometry, mesh_stars
+from hemivar.kernels.mesh_sums import alike_rows, mesh_facets, mesh_geometry, mesh_stars
 from hemivar.mesh import box, rectangle
 
 raised = done = 0

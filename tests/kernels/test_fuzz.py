@@ -130,7 +130,7 @@ print(raised, done)
 _FUZZ_SUMS = """
 import contextlib
 from hemivar import box, rectangle
-from hemivar.kernels import BlockGraph, mesh_edges
+from hemivar.kernels.mesh_sums import BlockGraph, mesh_edges
 
 raised = done = 0
 for turn in range(int(sys.argv[2])):

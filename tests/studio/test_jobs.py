@@ -525,7 +525,7 @@ ENDING = """
 import time
 from pathlib import Path
 from hemivar.files.sample import template
-from hemivar.studio import Bench
+from hemivar.studio.jobs import Bench
 from hemivar.studio.page_worker import Desk
 from hemivar.studio.requests import request_of
 desks = [Desk(Bench(Path()), lambda message: None) for _ in range(2)]

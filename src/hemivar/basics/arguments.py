@@ -85,13 +85,7 @@ def expect(value: object, kind: UnionType, name: str, remedy: str) -> Any: ...
 
 
 def expect(value: object, kind: Any, name: str, remedy: str) -> object:
-    """The value, if it is of a kind, a class or a union of classes; of a known statement what it states.
-
-    Raises
-    ------
-    ProblemError
-        ``NAME is WHAT; REMEDY``; for the class in place of an object of it, that it must be made first.
-    """
+    """The value, if it is of a kind, a class or a union of classes; of a known statement what it states."""
     value = ManufacturedProblem.of(value) if not isinstance(value, kind) else value
     if isinstance(value, kind):
         return value
@@ -107,11 +101,6 @@ def expecting(
 
     Where the default of an argument is None, None is what it is without one.  ``float`` is a number whose square is
     one, ``int`` a whole number that is not negative; a function is called with the value and its name.
-
-    Raises
-    ------
-    ProblemError
-        ``FUNCTION: NAME is WHAT; pass CLASS(...)``, before anything is done.
     """
 
     def wrapped(function: Callable[Given, Result]) -> Callable[Given, Result]:
@@ -236,13 +225,7 @@ def number(value: object, name: str, what: str = "give a real number") -> float:
 
 
 def check_numbers(options: DataclassInstance) -> None:
-    """Refuse options, a dataclass, of which a field declared as ``float`` or ``int`` holds anything else.
-
-    Raises
-    ------
-    ProblemError
-        ``CLASS.FIELD is WHAT; give a number``.
-    """
+    """Refuse options, a dataclass, of which a field declared as ``float`` or ``int`` holds anything else."""
     for one in fields(options):
         name = f"{type(options).__name__}.{one.name}"
         if one.type == "float":

@@ -26,27 +26,7 @@ _KINDS = {"S": "text", "U": "text", "b": "truth values"}
 
 
 def real_array(value: object, name: str, ndim: int | None = None, *, finite: bool = True, own: bool = False) -> Array:
-    """An array of floats made of what a user gave.
-
-    Parameters
-    ----------
-    value : array_like
-    name : str
-        What the array is, for messages.
-    ndim : int, optional
-        Number of axes it must have.
-    finite : bool
-        Whether nan and infinity are refused.
-    own : bool
-        Whether to return a read-only array of its own, which later changes of what was given do not reach.
-
-    Raises
-    ------
-    ProblemError
-        If it is no array of real numbers (complex numbers lose half of themselves as floats, and are refused even
-        where their imaginary part is zero; masked arrays lose their mask; text and dates are no numbers), has other
-        axes, or a number is not finite; the first such entry is named.
-    """
+    """An array of floats made of what a user gave."""
     given = _checked(value, name)
     try:
         array = np.asarray(given, dtype=float)
@@ -65,21 +45,7 @@ def real_array(value: object, name: str, ndim: int | None = None, *, finite: boo
 
 
 def real_matrix(value: object, name: str, *, own: bool = False) -> sp.csr_array:
-    """A sparse matrix of finite floats, duplicates summed, made of a dense one or of any of SciPy's.
-
-    Parameters
-    ----------
-    value : array_like or sparse array
-    name : str
-        What the matrix is, for messages.
-    own : bool
-        Whether to copy what would share memory with what was given.
-
-    Raises
-    ------
-    ProblemError
-        As :func:`real_array`.
-    """
+    """A sparse matrix of finite floats, duplicates summed, made of a dense one or of any of SciPy's."""
     with IMPORTS:
         import scipy.sparse as sp  # only here: laws and the command do without it
 
@@ -108,13 +74,7 @@ def real_matrix(value: object, name: str, *, own: bool = False) -> sp.csr_array:
 
 
 def unmasked(value: object, name: str) -> object:
-    """What was given, if it is no masked array.
-
-    Raises
-    ------
-    ProblemError
-        It is one: NumPy would forget the mask.
-    """
+    """What was given, if it is no masked array."""
     if isinstance(value, np.ma.MaskedArray):
         raise ProblemError(f"{name} is a masked array, whose mask would be lost; fill it in, .filled(...)")
     return value

@@ -27,14 +27,7 @@ COMPUTED: Mapping[str, object] = types.MappingProxyType({"kept": False})
 
 
 def encoded(value: object, arrays: list[AnyArray]) -> object:
-    """A value as JSON has it; its arrays are appended to the list, and stand as their places in it.
-
-    Parameters
-    ----------
-    value : object
-        A dataclass, mapping, sequence, enumeration, array, number, truth value, text or None, and these inside.
-    arrays : list of array
-    """
+    """A value as JSON has it; its arrays are appended to the list, and stand as their places in it."""
     if isinstance(value, np.ndarray):
         arrays.append(value)
         return len(arrays) - 1
@@ -55,21 +48,7 @@ def encoded(value: object, arrays: list[AnyArray]) -> object:
 
 
 def decoded(kind: type[Kind], head: object, arrays: Sequence[AnyArray]) -> Kind:
-    """The value of a class that :func:`encoded` was given.
-
-    Parameters
-    ----------
-    kind : type
-        A dataclass.
-    head : object
-        As JSON gives it.
-    arrays : sequence of array
-
-    Raises
-    ------
-    ValueError, KeyError, TypeError
-        What was read is no such value.
-    """
+    """The value of a class that :func:`encoded` was given."""
     return cast(Kind, _value(kind, head, arrays))
 
 
@@ -133,13 +112,7 @@ def text_of_array(array: AnyArray) -> dict[str, object]:
 
 
 def array_of_text(packed: object) -> AnyArray:
-    """The contrary of :func:`text_of_array`.
-
-    Raises
-    ------
-    ValueError, KeyError, TypeError
-        It is no such text.
-    """
+    """The contrary of :func:`text_of_array`."""
     given: dict[str, object] = _expected(dict, packed)
     shape: list[int] = _expected(list, given["shape"])
     if any(type(length) is not int or length < 0 for length in shape):

@@ -85,12 +85,7 @@ def change_and_integral(
 ) -> tuple[Array, Array]:
     """The change of an answer along steps ``(k, ...)``, and the integral of its rate, which has to be the same.
 
-    Parameters
-    ----------
-    of : function of places (k, ...)
-    rate : function of places and steps
-        The change of the answer for each whole step, as the derivative at the place says.
-    start, step : arrays (k, ...)
+    Shapes: ``of`` (k, ...), ``start`` (k, ...), ``step`` (k, ...).
     """
     parts = [
         0.5 * weight * rate(start + 0.5 * (1.0 + node) * step, step)

@@ -31,10 +31,6 @@ def content(value: object) -> Iterator[bytes]:
     that they enclose, defaults, and the numbers, arrays and functions of their module that they name, or of a module of
     the user's that they name.  Addresses, names of files, what is kept for speed, installed packages, and what code
     reaches by other ways than by its name (imports within a function, files that it reads) do not count.
-
-    Parameters
-    ----------
-    value : object
     """
     yield from _of(value, ())
 

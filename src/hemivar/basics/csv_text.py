@@ -20,13 +20,6 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
 
     A text that a spreadsheet would take for a formula (``=1+1``, ``@SUM``), and that is no number, gets an apostrophe
     in front, as spreadsheets have it; :func:`cell_read` takes it away.
-
-    Parameters
-    ----------
-    columns : iterable of str
-        Names of the columns.
-    rows : iterable of iterables
-        Texts, numbers or None.
     """
     stream = io.StringIO()
     writer = csv.writer(stream)
@@ -36,14 +29,7 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
 
 
 def csv_rows(text: str, name: str) -> list[list[str]]:
-    """The rows of a CSV text that are not empty.
-
-    Raises
-    ------
-    FileError
-        A line is no line of a table: a cell of more than 131 072 characters, as after a quotation mark that is never
-        closed.
-    """
+    """The rows of a CSV text that are not empty."""
     reader = csv.reader(io.StringIO(text))
     try:
         return [row for row in reader if row]
@@ -61,13 +47,7 @@ def _guarded(cell: object) -> object:
 
 
 def number_in(text: str) -> float:
-    """A number as tables hold it, in decimal digits; Python alone would take 1_5 for 15.
-
-    Raises
-    ------
-    ValueError
-        It is none.
-    """
+    """A number as tables hold it, in decimal digits; Python alone would take 1_5 for 15."""
     if "_" in text or not text.isascii():
         raise ValueError(text)
     return float(text)

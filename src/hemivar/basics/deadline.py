@@ -29,18 +29,10 @@ _LIMITS: ContextVar[tuple[Budget, ...]] = ContextVar("limits", default=())
 
 @dataclass(frozen=True)
 class Budget:
-    """The time that is left.
+    """The time that is left."""
 
-    Parameters
-    ----------
-    limit : float
-        Seconds; may be infinite.
-    started : float
-        On the clock of ``time.perf_counter``; now by default.
-    """
-
-    limit: float
-    started: float = field(default_factory=lambda: time.perf_counter())
+    limit: float  # seconds
+    started: float = field(default_factory=lambda: time.perf_counter())  # on the clock of ``time.perf_counter``
 
     def __post_init__(self) -> None:
         number(self.limit, "the time limit", "give seconds")

@@ -41,20 +41,7 @@ def defined_above(entry: str) -> Callable[..., Any] | None:
 
 
 def above(entry: str, what: str = "") -> Callable[..., Any]:
-    """The function that an entry leads to; threads wait for one another.
-
-    Parameters
-    ----------
-    entry : str
-        ``"Type.method"`` or ``"module.function"``, as the table has it.
-    what : str
-        What the user asked for; a method by default.
-
-    Raises
-    ------
-    MethodError
-        Its package is not installed.
-    """
+    """The function that an entry leads to; threads wait for one another."""
     found = defined_above(entry)
     if found is None:
         package = _TABLE[entry].split(".")[0]

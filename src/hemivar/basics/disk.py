@@ -82,13 +82,7 @@ def _guard(path: str | Path, verb: str) -> None:
 
 
 def remove_file(path: str | Path) -> None:
-    """Remove a file, or a link to one, if it is there.
-
-    Raises
-    ------
-    FileError
-        It is protected, or the system does not let it go.
-    """
+    """Remove a file, or a link to one, if it is there."""
     _guard(path, "remove")
     try:
         Path(path).unlink(missing_ok=True)
@@ -97,13 +91,7 @@ def remove_file(path: str | Path) -> None:
 
 
 def path_of(name: object) -> Path:
-    """The path that a name of a file is.
-
-    Raises
-    ------
-    FileError
-        It is no name.
-    """
+    """The path that a name of a file is."""
     try:
         if str(name).strip():
             return Path(name)  # type: ignore[arg-type]
@@ -116,11 +104,6 @@ def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BY
     """The path, if it names a regular file that can be read and is not larger than ``most_bytes``.
 
     Pipes, devices and directories are refused before they are opened, for reading them may hang or never end.
-
-    Raises
-    ------
-    FileError
-        In one sentence that names the file.
     """
     name = path_of(path)
     try:
@@ -195,12 +178,6 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     process, and two writers, of whom the last one wins.  Links are followed, permissions kept.  What is no regular file
     (a pipe, ``/dev/stdout``) is written to directly, for it cannot be replaced.  What a killed process has left of the
     same file under a temporary name is removed.
-
-    Raises
-    ------
-    FileError
-        In one sentence that names the file, for every :class:`OSError` of the block, also where another error hides
-        it: libraries stumble when they clean up after a full disk.
     """
     temporary: Path | None = None
     lock: int | None = None
@@ -240,11 +217,6 @@ def try_output(path: str | Path) -> None:
     """Find out whether a file could be written, by all that :func:`whole_file` does but the last step; leaves nothing.
 
     Pipes are refused, for opening one waits for its reader.
-
-    Raises
-    ------
-    FileError
-        In one sentence that names the file.
     """
     temporary: Path | None = None
     lock: int | None = None
@@ -329,13 +301,7 @@ def _remove_leftovers(target: Path) -> None:
 
 
 def make_folder(path: str | Path) -> Path:
-    """The folder, made with all above it if it does not exist.
-
-    Raises
-    ------
-    FileError
-        In one sentence that names the folder.
-    """
+    """The folder, made with all above it if it does not exist."""
     folder = path_of(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -354,11 +320,6 @@ def append_line(path: str | Path, line: str) -> None:
     """Put a line at the end of a text file that is there, in one write that has reached the disk on return.
 
     A process that is killed leaves whole lines and perhaps the beginning of one, without its end of line.
-
-    Raises
-    ------
-    FileError
-        In one sentence that names the file.
     """
     _guard(path, "write")
     try:

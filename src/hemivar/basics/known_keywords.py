@@ -22,13 +22,7 @@ class UnknownKeywordError(ProblemError, TypeError):
 
 
 def known_keywords(function: Callable[Given, Result]) -> Callable[Given, Result]:
-    """The function, which refuses an argument that it does not have and names the nearest one.
-
-    Raises
-    ------
-    UnknownKeywordError
-        ``NAME has no argument 'tol'; did you mean 'rtol'? (arguments: ...)``.
-    """
+    """The function, which refuses an argument that it does not have and names the nearest one."""
     known = tuple(name for name in inspect.signature(function).parameters if name != "self")
     shown = function.__qualname__.removesuffix(".__init__")
 

@@ -13,13 +13,7 @@ V = TypeVar("V")
 
 
 class Recent(Generic[K, V]):
-    """What was made last for some keys; the one used longest ago is forgotten first.  It changes no answer.
-
-    Parameters
-    ----------
-    most : int
-        How many are kept.
-    """
+    """What was made last for some keys; the one used longest ago is forgotten first.  It changes no answer."""
 
     def __init__(self, most: int) -> None:
         self._most = most

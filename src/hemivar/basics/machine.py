@@ -58,14 +58,7 @@ def system() -> str:
 
 
 def import_fails(module: str, limit: float) -> str | None:
-    """Why a module cannot be imported, tried in a process of its own; None where it can.
-
-    Parameters
-    ----------
-    module : str
-    limit : float
-        Seconds that it may take.
-    """
+    """Why a module cannot be imported, tried in a process of its own; None where it can."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", f"import {module}"],

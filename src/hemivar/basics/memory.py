@@ -25,34 +25,12 @@ _UNLIMITED = 2.0**60
 
 
 def mesh_bytes(dimension: int, cells: float, *, checked: bool = False) -> float:
-    """Bytes that making a mesh takes at the peak.
-
-    Parameters
-    ----------
-    dimension : int
-        2 or 3.
-    cells : float
-        Number of triangles or tetrahedra.
-    checked : bool
-        Whether it is given by arrays or a file, and checked.
-    """
+    """Bytes that making a mesh takes at the peak."""
     return (_CHECK if checked else _MAKE)[dimension] * cells
 
 
 def problem_bytes(dimension: int, cells: float, order: int = 1, parts: int = 1) -> float:
-    """Bytes that a mesh and the discretisation of a problem on it take at the peak, without any factorisation.
-
-    Parameters
-    ----------
-    dimension : int
-        2 or 3.
-    cells : float
-        Number of triangles or tetrahedra of the whole body.
-    order : int
-        Of the elements, 1 or 2.
-    parts : int
-        How many equal parts the body is cut into; the answer is for one of them.
-    """
+    """Bytes that a mesh and the discretisation of a problem on it take at the peak, without any factorisation."""
     return _DISCRETISE[dimension, order] * cells / parts
 
 
@@ -66,22 +44,6 @@ def require(needed: float, what: str, remedy: str = "take fewer cells", *, share
     """Refuse what does not fit into the memory that is free.
 
     Where it is not known what is free (on systems other than Linux), 16 GiB are assumed.
-
-    Parameters
-    ----------
-    needed : float
-        Bytes, of each of the sharers.
-    what : str
-        What needs them, for the message: "a mesh of 3e+09 cells".
-    remedy : str
-        What to do about it.
-    sharers : int
-        How many processes on this machine need as much at the same time.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
     """
     total = needed * sharers
     if total < _SMALL:

@@ -24,11 +24,6 @@ def write_arrays(stream: IO[bytes], arrays: Mapping[str, AnyArray]) -> None:
     """Write arrays as an NPZ file, not compressed, with the digest of their names, types, shapes and numbers.
 
     The digest is one against damage. It does not protect against forgery: whoever writes a file can compute it.
-
-    Parameters
-    ----------
-    stream : binary stream
-    arrays : mapping of name to array
     """
     plain = {name: np.asarray(array) for name, array in arrays.items()}
     np.savez(stream, **plain, **{_DIGEST: _digest(plain)})  # type: ignore[arg-type]
@@ -39,20 +34,7 @@ def read_arrays(data: bytes) -> tuple[dict[str, AnyArray], bool]:
 
     No array is made before its declared size is found to be that of its bytes.
 
-    Parameters
-    ----------
-    data : bytes
-
-    Returns
-    -------
-    arrays : dict of name to array
-    sound : bool
-        False as well where there is no digest.
-
-    Raises
-    ------
-    ValueError
-        This is no such file.
+    Returned: ``sound``: false as well where there is no digest.
     """
     arrays: dict[str, AnyArray] = {}
     try:

@@ -15,19 +15,7 @@ __all__ = ["data_frame"]
 
 
 def data_frame(columns: Mapping[str, object], instead: str) -> DataFrame:
-    """Columns as a pandas DataFrame.
-
-    Parameters
-    ----------
-    columns : mapping of name to sequence
-    instead : str
-        What holds the same without pandas, for the error.
-
-    Raises
-    ------
-    ProblemError
-        pandas is not installed.
-    """
+    """Columns as a pandas DataFrame."""
     try:
         with IMPORTS:
             import pandas

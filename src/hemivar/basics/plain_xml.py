@@ -16,14 +16,7 @@ _DEEPEST = 32
 
 
 def parse_xml(data: bytes) -> Element:
-    """The root of the elements of a text.
-
-    Raises
-    ------
-    ProblemError
-        It is not XML, it declares a document type (DOCTYPE), or it holds more than 200 000 elements or more than 32 in
-        one another.
-    """
+    """The root of the elements of a text."""
     tree, depth, count = TreeBuilder(), 0, 0
 
     def refuse_doctype(*_: object) -> None:

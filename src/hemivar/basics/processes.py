@@ -27,22 +27,6 @@ def results(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int
     """What a function makes of each task: one after the other here, or as they come from processes.
 
     When the generator is closed, or Ctrl-C comes while it waits, the processes end; they end with this one, too.
-
-    Parameters
-    ----------
-    function : callable
-        Importable, for more than one process.
-    tasks : sequence
-        Each can be pickled, for more than one process.
-    jobs : int
-        Processes that work at once; with 1, or one task, this process works itself.
-
-    Raises
-    ------
-    ProblemError
-        A task cannot be pickled.
-    MethodError
-        A process ended before its work was done.
     """
     jobs = min(jobs, len(tasks))
     if jobs <= 1:

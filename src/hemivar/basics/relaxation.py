@@ -17,11 +17,6 @@ def squares_of_relaxation(ratio: Array | float) -> tuple[Array, Array, Array]:
     """Integrals of ``e^-2s``, ``e^-s (1 - e^-s)`` and ``(1 - e^-s)^2`` over s from 0 to ``ratio``.
 
     With ``e = 1 - e^-ratio`` they are ``e - e^2/2``, ``e^2/2`` and ``ratio - e - e^2/2 = e^3/3 + e^4/4 + ...``.
-
-    Parameters
-    ----------
-    ratio : array or float
-        Time over relaxation time, >= 0.
     """
     x = np.asarray(ratio, dtype=float)
     e = -np.expm1(-x)

@@ -72,54 +72,24 @@ class Form(StrEnum):
 
 @dataclass(frozen=True)
 class Stated:
-    """What a field is in a problem file.
-
-    Attributes
-    ----------
-    form : Form
-    says : str
-        What the page of the problem file says of it.
-    key : str
-        Its name in files, if it has another one there.
-    above, below, least, most : float or None
-        Limits of a number, the first two excluded.
-    choices : tuple of str
-        Texts that are known.
-    endings : tuple of str
-        Endings of names of files.
-    timed : bool
-        Whether a formula may use the time.
-    left_out : str
-        What the page says of a file that leaves it out; its default is shown if this is empty.
-    by : str
-        "boundary" or "region" where there is a value for each that is named; one for all regions may stand in their
-        place.
-    table : str
-        Of a class that several tables state: which of them states it.
-    unit : str
-        In terms of force and length.
-    example : object
-        A value that shows what it does.
-    instead : str
-        The argument that it takes the place of, if there is one.
-    """
+    """What a field is in a problem file."""
 
     form: Form
-    says: str = ""
-    key: str = ""
+    says: str = ""  # what the page of the problem file says of it
+    key: str = ""  # its name in files, if it has another one there
     above: float | None = None
     below: float | None = None
     least: float | None = None
     most: float | None = None
-    choices: tuple[str, ...] = ()
-    endings: tuple[str, ...] = ()
-    timed: bool = False
-    left_out: str = ""
-    by: str = ""
-    table: str = ""
-    unit: str = ""
-    example: object = None
-    instead: str = ""
+    choices: tuple[str, ...] = ()  # texts that are known
+    endings: tuple[str, ...] = ()  # endings of names of files
+    timed: bool = False  # whether a formula may use the time
+    left_out: str = ""  # what the page says of a file that leaves it out
+    by: str = ""  # "boundary" or "region" where there is a value for each that is named
+    table: str = ""  # of a class that several tables state: which of them states it
+    unit: str = ""  # in terms of force and length
+    example: object = None  # A value that shows what it does
+    instead: str = ""  # the argument that it takes the place of, if there is one
 
     @property
     def lowest(self) -> float:
@@ -178,26 +148,13 @@ class CheckedFields:
 
 @dataclass(frozen=True)
 class Argument:
-    """A stated argument of what makes a law or a material.
+    """A stated argument of what makes a law or a material."""
 
-    Attributes
-    ----------
-    key : str
-        Its name in files.
-    name : str
-        Its name in Python.
-    said : Stated
-    default : object
-        None if there is none.
-    required : bool
-        Whether it must be given.
-    """
-
-    key: str
-    name: str
+    key: str  # its name in files
+    name: str  # its name in Python
     said: Stated
-    default: object
-    required: bool
+    default: object  # none if there is none
+    required: bool  # whether it must be given
 
     @property
     def shown(self) -> object:
@@ -208,14 +165,7 @@ class Argument:
 
 
 def stating(*kinds: type[DataclassInstance], **own: Mapping[str, Stated]) -> Callable[[Made], Made]:
-    """Say what the arguments of a function are in problem files: what dataclasses say of fields so named, or more.
-
-    Parameters
-    ----------
-    *kinds : type
-    **own : mapping
-        By name, what :func:`stated` returns.
-    """
+    """Say what the arguments of a function are in problem files: what dataclasses say of fields so named, or more."""
     said = {one.name: one.metadata for kind in kinds for one in fields(kind)} | own
 
     def mark(maker: Made) -> Made:

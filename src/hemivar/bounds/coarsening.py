@@ -73,19 +73,7 @@ def coarsened(
     Those that leave cells of good shape, or no worse ones, go even then.  Those at short edges go first; with a seed
     that is not zero lengths count by up to twice what they are.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    labels : int array, shape (F,)
-        Of the facets of ``facet_table(mesh)``; 0 where nothing must be kept.
-    groups : int array, shape (M,)
-        Numbers of the materials of cells.
-    target : int
-    loss : float
-        Part of the volume of the cells at a node that may be cut off.
-    seed : int
-    least : float
-        Shape that cells keep where it was better, 1 for regular ones.
+    Shapes: ``labels`` (F,), ``groups`` (M,).
     """
     table = facet_table(mesh)
     inner = table.interior

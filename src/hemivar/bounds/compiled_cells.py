@@ -61,22 +61,9 @@ def cell_sums(
 ) -> tuple[Array, Array] | None:
     """What :attr:`AdmissibleStress.difference` is for; None where there are no kernels.
 
-    Parameters
-    ----------
-    data : BodyData
-    tractions : Tractions
-    element : SplitElement
-    compliance : array, shape (M, v (v + 1) / 2)
-        Upper triangles, on the reference simplex.
-    slopes : bool
-        Whether slopes are wanted.
-
-    Returns
-    -------
-    energies : array, shape (M,)
-        ``int s : D s`` of the difference s, with the least energy that has these tractions and loads.
-    slopes : array, shape (M, k)
-        Half its derivatives by the moments, on the reference simplex; empty where they are not wanted.
+    Shapes: returns ``energies`` (M,), ``slopes`` (M, k). Returned: ``energies``: ``int s : D s`` of the difference s,
+    with the least energy that has these tractions and loads; ``slopes``: half its derivatives by the moments, on the
+    reference simplex; empty where they are not wanted.
     """
     library = kernels()
     if library is None:

@@ -278,11 +278,6 @@ class BareStiffness:
         By conjugate gradients with the multigrid cycle, on what is orthogonal to the motions.
 
         ``tolerance`` is the part of the forces that may be left.
-
-        Raises
-        ------
-        MethodError
-            Too much is left after many cycles.
         """
         right = self._deforming(np.asarray(self._field.basis.T @ forces.ravel()))
         levels, top = self._levels, len(self._levels.sizes) - 1

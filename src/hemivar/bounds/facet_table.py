@@ -186,13 +186,7 @@ def _gradients(jacobian: Array) -> Array:
 def facet_table(mesh: Mesh, places: IntArray | None = None, second: IntArray | None = None) -> FacetTable:
     """The facets of a mesh.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    places : int array, shape (N,), optional
-        One number for all nodes at a place, where bodies touch along facets that coincide.
-    second : int array, shape (k, d), optional
-        The facets, by their nodes, whose cells are second ones.
+    Shapes: ``places`` (N,), ``second`` (k, d).
     """
     dim, count = mesh.dim, mesh.number_of_nodes
     cells, last = np.asarray(mesh.cells, dtype=np.int64), None

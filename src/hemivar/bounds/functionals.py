@@ -35,27 +35,13 @@ _NONE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Functional:
-    """One component of a quantity of interest.
-
-    Attributes
-    ----------
-    axis : int
-    field : array, shape (N, d)
-        w; zero for a mean displacement.
-    tractions : array, shape (F, d, d)
-        Moments of the traction whose work a mean displacement is; zero for forces.
-    rest : array, shape (F, d, d)
-        omega at the nodes of the facets of contact boundaries, its jump where bodies touch: what of q is not in
-        ``a(u, w) - L(w)``.
-    why : str
-        Why nothing bounds it; empty if something does.
-    """
+    """One component of a quantity of interest."""
 
     axis: int
-    field: Array
-    tractions: Array
-    rest: Array
-    why: str = ""
+    field: Array  # (N, d): w
+    tractions: Array  # (F, d, d): moments of the traction whose work a mean displacement is
+    rest: Array  # (F, d, d)
+    why: str = ""  # why nothing bounds it
 
     @property
     def force(self) -> bool:
@@ -92,16 +78,7 @@ def _summed(members: IntArray, local: Array, count: int) -> Array:
 
 
 def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[Functional, ...]:
-    """The components of a goal.
-
-    Parameters
-    ----------
-    goal : Goal
-    data : BodyData
-        Of the displacement at which it is looked at.
-    discrete : DiscreteProblem
-        Of linear elements.
-    """
+    """The components of a goal."""
     if goal.kind is GoalKind.DISPLACEMENT:
         return tuple(_mean(goal, data, axis) for axis in goal.axes)
     assert discrete.field is not None

@@ -166,13 +166,7 @@ def _well_formed(problem: ContactProblem, displacement: Array) -> bool:
 
 
 def check_supports(problem: ContactProblem, displacement: Array) -> Array:
-    """The displacement, put where supports hold it: the theorems compare displacements of the same supports.
-
-    Raises
-    ------
-    ProblemError
-        It is not among those that the supports allow, by more than a solve may leave.
-    """
+    """The displacement, put where supports hold it: the theorems compare displacements of the same supports."""
     u, supports = np.asarray(displacement, dtype=float), stated_supports(problem)
     missed = np.einsum("nqd,nd->nq", supports.directions, u - supports.value)
     off = np.abs(missed).max(axis=1)

@@ -39,16 +39,7 @@ _FAR = 1e3
 def loose_motions(traces: ContactTraces, moves: Array, works: Array, size: float) -> Array:
     """Coefficients (n, m) of rigid motions; by no others solutions may differ.
 
-    Parameters
-    ----------
-    traces : ContactTraces
-        Of a convex law that splits.
-    moves : array, shape (k, q, c, n)
-        The motions in local components at the points.
-    works : array, shape (n,)
-        What the loads work on them.
-    size : float
-        What these works are compared with.
+    Shapes: ``moves`` (k, q, c, n), ``works`` (n,).
     """
     count = moves.shape[-1]
     law, every = traces.law, np.eye(count)

@@ -162,12 +162,8 @@ _NEAR, _DIGITS = 3, 9
 def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Array) -> Array:
     """Upper bounds of ``kappa^2`` (k,) of the triangles (k, 3, 3) for the prisms between them and their shifts (k, 3).
 
-    Parameters
-    ----------
-    kind : int array, shape (k,)
-        In ``KINDS``.
-    corners, inward : arrays, shapes (k, 3, 3) and (k, 3)
-    compliance : array, shape (k or 1, 6, 6)
+    Shapes: ``kind`` (k,), ``corners`` (k, 3, 3) and (k, 3), ``inward`` (k, 3, 3) and (k, 3), ``compliance`` (k or 1, 6,
+    6).
     """
     known, roots = _known()
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
@@ -262,12 +258,7 @@ def prisms(corners: Array, inward: Array, top: Array | float = 1.0) -> Solids:
 def room(table: FacetTable, facets: IntArray, walls: IntArray, kinds: tuple[int, ...]) -> IntArray:
     """The first of some kinds (k,) that has no wall in it above facets; -1 where all have one.
 
-    Parameters
-    ----------
-    table : FacetTable
-    facets, walls : int arrays, shapes (k,) and (m,)
-    kinds : tuple of int
-        In ``KINDS``.
+    Shapes: ``facets`` (k,) and (m,), ``walls`` (k,) and (m,).
     """
     corners = table.mesh.points[table.facets[facets]]
     barrier = Solids.simplices(table.mesh.points[table.facets[walls]])

@@ -548,21 +548,7 @@ def _known(values: Array) -> Array:
 def scalar_distance(problem: ContactProblem, values: Array) -> DistanceToExact:
     """Bound the distance of a field to every solution of the continuous problem.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        Of one component, with linear elements.
-    values : array, shape (nodes, 1)
-        Of a solution of the discrete problem, or any other field that has the prescribed values.
-
-    Returns
-    -------
-    DistanceToExact
-
-    Raises
-    ------
-    ProblemError
-        The elements are quadratic, the material is not linear or varies within cells, or no support holds a part.
+    Shapes: ``values`` (nodes, 1).
     """
     began = time.perf_counter()
     refuse_evolution(problem)
@@ -580,13 +566,7 @@ def scalar_distance(problem: ContactProblem, values: Array) -> DistanceToExact:
 
 
 def scalar_trace_bound(problem: ContactProblem) -> float:
-    """Upper bound of ``sup |v| / |grad v|``, v on contact boundaries and areas, over fields that supports hold.
-
-    Raises
-    ------
-    ProblemError
-        No support holds a part of the body.
-    """
+    """Upper bound of ``sup |v| / |grad v|``, v on contact boundaries and areas, over fields that supports hold."""
     assert problem.kind is not None
     mesh = problem.mesh
     while mesh.number_of_cells < _FINE:

@@ -33,12 +33,7 @@ __all__ = ["contact_moments", "on_facets", "refuse_touching", "shared_anew", "to
 
 
 def refuse_touching(problem: ContactProblem, reason: str = "") -> None:
-    """Refuse quantities of interest of bodies that touch, but where facets coincide and there is no other reason.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse quantities of interest of bodies that touch, but where facets coincide and there is no other reason."""
     if not touch(problem) or (joined_sides(problem) is not None and not reason):
         return
     why = reason or "the facets of these two do not coincide"
@@ -51,17 +46,8 @@ def refuse_touching(problem: ContactProblem, reason: str = "") -> None:
 def touching_bodies(problem: ContactProblem, displacement: Array) -> tuple[BodyData, float]:
     """The bodies without contact, under the contact tractions of a displacement, and the c of the discrete problem.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-    displacement : array, shape (nodes, d)
-        That of a solution of the discrete problem.
-
-    Returns
-    -------
-    BodyData
-    float
-        Of a law that depends on the solution that with the state of this one; inf if the laws jump down.
+    Shapes: ``displacement`` (nodes, d). Returned: of a law that depends on the solution that with the state of this
+    one; inf if the laws jump down.
     """
     discrete, forces = _contact_forces(problem, displacement)
     data = body_data(replace(problem, contact={}), displacement)

@@ -246,13 +246,7 @@ class ContactPoints(PickleMixin):
 
 
 def components_of(rows: int, weights: Array) -> int:
-    """Local components of contact points whose trace has so many rows; 0 if there are no points.
-
-    Raises
-    ------
-    ProblemError
-        The numbers of rows and of weights do not fit, or a weight is not positive.
-    """
+    """Local components of contact points whose trace has so many rows; 0 if there are no points."""
     m = len(weights)
     if m == 0 and rows != 0:
         raise ProblemError(f"trace has {rows} rows but weights is empty; give one weight per point")
@@ -275,13 +269,7 @@ def selects(trace: sp.csr_array) -> bool:
 
 
 def contact_unknowns(contact: ContactPoints) -> tuple[IntArray, Array, BoolArray, IntArray]:
-    """The unknown and the sign of each active component (k,), which are active (m, d), and the points of those (k,).
-
-    Parameters
-    ----------
-    contact : ContactPoints
-        Whose trace :func:`selects` unknowns.
-    """
+    """The unknown and the sign of each active component (k,), which are active (m, d), and the points of those (k,)."""
     active = (np.diff(contact.trace.indptr) > 0).reshape(contact.count, contact.components)
     point = np.repeat(np.arange(contact.count), active.sum(axis=1))
     return contact.trace.indices.astype(np.int64), np.sign(contact.trace.data), active, point

@@ -16,14 +16,7 @@ def contact_energy(law: VectorLaw, weights: Array, r: Array, close: float) -> fl
     Where a law ends (a rigid foundation), a penetration beyond its end by no more than ``close`` counts as being at the
     end; beyond that the energy is +inf.
 
-    Parameters
-    ----------
-    law : VectorLaw
-        Whose bounds do not depend on the solution.
-    weights : array (m,)
-    r : array (m, d)
-    close : float
-        A length: rounding.
+    Shapes: ``weights`` (m,), ``r`` (m, d).
     """
     domain = law.penetrations
     inside = np.clip(r[:, 0], domain.lower, domain.upper)
@@ -38,12 +31,6 @@ def law_forces(law: VectorLaw, weights: Array, r: Array, lam: Array, compliance:
 
     A bound that depends on the solution is taken at the pair itself.
 
-    Parameters
-    ----------
-    law : VectorLaw
-    weights : array (m,)
-    r, lam : arrays (m, d)
-    compliance : array (m, 2)
-        Makes displacement and multiplier comparable: :func:`hemivar.discrete.residual.contact_compliance`.
+    Shapes: ``weights`` (m,), ``r`` (m, d), ``lam`` (m, d), ``compliance`` (m, 2).
     """
     return np.asarray(weights * law.frozen(r, lam).graph_distance(r, lam, compliance))

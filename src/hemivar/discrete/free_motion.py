@@ -29,22 +29,8 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     A body whose load friction can balance that grows with the pressure is let pass with a warning.
     A body on which nothing acts is let pass where contact resists each motion one way: it is in balance where it is.
 
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        With a field map; nothing is refused without one.
-    load : array (nodes * d,), optional
-        The nodal load before the supports took effect; that of the unknowns by default.
-
-    Returns
-    -------
-    DiscreteProblem
-        The problem, known to be held, or to be held up to a limit, where its motions are known.
-
-    Raises
-    ------
-    SupportError
-        Naming the part, the motion, and what would hold it.
+    Shapes: ``load`` (nodes * d,). Returned: the problem, known to be held, or to be held up to a limit, where its
+    motions are known.
     """
     if problem.field is None or not problem.field.kernel_known:
         return problem
@@ -81,20 +67,7 @@ _STILL, _UNSAID = 1e-6, 1e-3
 
 
 def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
-    """Refuse a body that is not held.
-
-    Parameters
-    ----------
-    hold : CoercivityResult
-    motion : str
-        The motion in words.
-    who, remedy : str
-        What moves, and what would hold it.
-
-    Raises
-    ------
-    SupportError
-    """
+    """Refuse a body that is not held."""
     if hold.verdict is Coercivity.HELD:
         return
     if hold.verdict is Coercivity.FALLS:

@@ -77,24 +77,11 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """How a group of parts is held.
-
-    Attributes
-    ----------
-    found : CoercivityResult
-        That its energy grows along every motion, or a motion along which it does not, friction included.
-    touched : RecessionFunction
-        What its contact resists, without friction that the pressure bounds.
-    limit : str or None
-        The sentence for what its foundation holds at rest only.
-    balanced : bool or None
-        Of what only friction holds that the pressure bounds: whether its cones balance the load, or that was not
-        decided. None for others.
-    """
+    """How a group of parts is held."""
 
     found: CoercivityResult
-    touched: RecessionFunction
-    limit: str | None = None
+    touched: RecessionFunction  # what its contact resists, without friction that the pressure bounds
+    limit: str | None = None  # the sentence for what its foundation holds at rest only
     balanced: bool | None = None
 
     @property
@@ -111,15 +98,7 @@ def holds(field: Field, contact: ContactPoints, loading: Loading, forces: Array,
     forces balance exactly if that growth is positive.  What is refused is not balanced by cones either that are a
     little wider; what lies between is let pass.
 
-    Parameters
-    ----------
-    field : Field
-    contact : ContactPoints
-    loading : Loading
-        Its law and its offsets.
-    forces : array (nodes * d,)
-        Nodal loads.
-    motions : RigidModes
+    Shapes: ``forces`` (nodes * d,).
     """
     for group in _groups(field, contact, loading, forces, motions):
         yield group.hold()

@@ -136,13 +136,7 @@ class Model(PickleMixin):
 
 
 def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:
-    """The bulk, if it is quadratic.
-
-    Raises
-    ------
-    ProblemError
-        It is not: what is asked for needs a linear body.
-    """
+    """The bulk, if it is quadratic."""
     if isinstance(bulk, Potential):
         raise ProblemError(
             f"{what} needs a linear body, and the material of this one is not linear; give a linear one, such as "

@@ -28,36 +28,17 @@ class OperatorFamily(PickleMixin):
 
     A viscosity in proportion to the stiffness is a :class:`Multiple`, and zeros are not stored, so that the mass of
     several components is that of one.
-
-    Attributes
-    ----------
-    problem : DiscreteProblem
-        The elastic body, whose stiffness it is.
-    stiffness : Operator
-        With the bedding that is stated; of a body that is not linear that at rest.
-    viscosity, mass : Operator or None
-    branches : tuple of (relaxation time, Operator)
-        In the order of :attr:`Material.relaxation_times`.
-    moved : int array, shape (k,)
-        Nodal components, ``node * d + c``, whose prescribed displacements z may differ from zero.
     """
 
-    problem: DiscreteProblem
-    stiffness: Operator
+    problem: DiscreteProblem  # the elastic body, whose stiffness it is
+    stiffness: Operator  # with the bedding that is stated
     viscosity: Operator | None
     mass: Operator | None
-    branches: tuple[tuple[float, Operator], ...]
-    moved: IntArray
+    branches: tuple[tuple[float, Operator], ...]  # in the order of :attr:`Material.relaxation_times`
+    moved: IntArray  # (k,): nodal components, ``node * d + c``, whose prescribed displacements z may differ from zero
 
     def combined(self, viscous: float = 0.0, inertia: float = 0.0, branches: Sequence[float] = ()) -> sp.csr_array:
-        """``K + viscous C + inertia M + sum_i branches_i K_i`` of the unknowns; they share the sparsity.
-
-        Parameters
-        ----------
-        viscous, inertia : float
-        branches : sequence of float
-            One for each branch; none leaves them out.
-        """
+        """``K + viscous C + inertia M + sum_i branches_i K_i`` of the unknowns; they share the sparsity."""
         return self._combined(1.0, viscous, inertia, branches)
 
     def resistance(self, viscous: float = 0.0, inertia: float = 0.0, branches: Sequence[float] = ()) -> sp.csr_array:
@@ -118,27 +99,14 @@ class OperatorFamily(PickleMixin):
 
 @dataclass(frozen=True, eq=False)
 class Composition(MadeOf):
-    """What the body of a step in time is made of; on a coarser mesh it is made of the matrices there.
-
-    Attributes
-    ----------
-    family : OperatorFamily
-    viscous, inertia : float
-    branches : tuple of float
-        See :meth:`OperatorFamily.combined`.
-    scale : float
-        What all of it is multiplied by; of a body that is not linear what is more than one multiplies the linear body
-        below.
-    place : array (nodes, c) or None
-        Nodal values at unknowns zero, of a body that is not linear; as in its problem by default.
-    """
+    """What the body of a step in time is made of; on a coarser mesh it is made of the matrices there."""
 
     family: OperatorFamily
     viscous: float = 0.0
     inertia: float = 0.0
-    branches: tuple[float, ...] = ()
-    scale: float = 1.0
-    place: Array | None = None
+    branches: tuple[float, ...] = ()  # see :meth:`OperatorFamily.combined`
+    scale: float = 1.0  # what all of it is multiplied by
+    place: Array | None = None  # (nodes, c): nodal values at unknowns zero, of a body that is not linear
 
     def matrix(self) -> sp.csr_array:
         """The stiffness of a linear body."""
@@ -164,13 +132,7 @@ class Composition(MadeOf):
         return Potential(SumEnergy(energy, resists) if resists.data.any() else energy)
 
     def model(self, resisted: bool) -> Model:
-        """The body with this stiffness, whose supports move nothing.
-
-        Parameters
-        ----------
-        resisted : bool
-            Whether it resists every motion, beside what the elastic body does.
-        """
+        """The body with this stiffness, whose supports move nothing."""
         elastic = self.family.problem.model
         return Model(
             self.bulk(), elastic.contact, self.family.space, elastic.origin, resisted or elastic.resisted, self
@@ -186,14 +148,7 @@ class Composition(MadeOf):
 class Tangent(MadeOf):
     """Where a linear body has its stiffness from: a body that is not linear, and the place; on a coarser mesh it is
     made of the body there.
-
-    Attributes
-    ----------
-    problem : DiscreteProblem
-        Of the body that is not linear.
-    unknowns : array (n,)
-        The place.
     """
 
-    problem: DiscreteProblem
-    unknowns: Array
+    problem: DiscreteProblem  # of the body that is not linear
+    unknowns: Array  # (n,): the place

@@ -24,21 +24,12 @@ _PORTION = 1 << 16
 
 @dataclass(frozen=True, eq=False)
 class Operator(PickleMixin):
-    """A symmetric matrix over ``x = (u, z)``: the unknowns u (n,) and the prescribed displacements z (k,).
+    """A symmetric matrix over ``x = (u, z)``: the unknowns u (n,) and the prescribed displacements z (k,)."""
 
-    Attributes
-    ----------
-    inner : sparse array, shape (n, n)
-    coupling : sparse array, shape (n, k)
-    held : sparse array, shape (k, k)
-    places : int array or None
-        Where the entries of ``inner`` stand among those of the matrix that it is added to; None if it has the same.
-    """
-
-    inner: sp.csr_array
-    coupling: sp.csr_array
-    held: sp.csr_array
-    places: IntArray | None = None
+    inner: sp.csr_array  # (n, n)
+    coupling: sp.csr_array  # (n, k)
+    held: sp.csr_array  # (k, k)
+    places: IntArray | None = None  # where the entries of ``inner`` stand among those of the matrix that it is added to
 
     @staticmethod
     def like(pattern: sp.csr_array, data: Array, coupling: sp.csr_array, held: sp.csr_array) -> Operator:
@@ -133,13 +124,7 @@ class Operator(PickleMixin):
 
 
 class Multiple(Operator):
-    """A multiple of another operator, which is all that is stored of it.
-
-    Attributes
-    ----------
-    base : Operator
-    factor : float
-    """
+    """A multiple of another operator, which is all that is stored of it."""
 
     def __init__(self, base: Operator, factor: float) -> None:
         object.__setattr__(self, "base", base)

@@ -35,21 +35,7 @@ class Location(TypedDict, total=False):
 def numbered_field(mesh: Mesh, numbering: ArrayLike | None, prescribed: ArrayLike | None, unknowns: int) -> Field:
     """The displacement that n unknowns describe on a mesh.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With N nodes: its vertices, or its vertices and the middles of its edges, ``mesh.nodes(2)``.
-    numbering : int array, shape (N, d)
-        The unknown that is component c of node i; -1 where the displacement is prescribed.
-    prescribed : array, shape (N, d), optional
-        The displacement where the numbering is -1; zero by default. What stands elsewhere is not looked at.
-    unknowns : int
-        n.
-
-    Raises
-    ------
-    ProblemError
-        Shapes disagree, or an unknown has no place or several.
+    Shapes: ``numbering`` (N, d), ``prescribed`` (N, d).
     """
     expect(mesh, Mesh, "mesh", "hemivar.Mesh(points, cells, boundaries), rectangle, box and read_mesh make one")
     if numbering is None:
@@ -91,11 +77,6 @@ def located(field: Field, trace: sp.csr_array, points: Array | None, frames: Arr
     A contact point is the node whose components its rows of the trace see, or that lies at its place if a support fixes
     all of them. Its boundary is that of the mesh which has most of the contact points. Without ``frames`` the rows are
     the unit vectors of the local components; what supports fix of them follows from the normal of the mesh.
-
-    Raises
-    ------
-    ProblemError
-        A contact point lies on no named boundary of the mesh, or its rows are no unit vectors of one node.
     """
     mesh, dim = field.mesh, field.mesh.dim
     if m == 0 or trace.shape[0] != m * dim:

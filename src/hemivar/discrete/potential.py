@@ -63,18 +63,10 @@ class BodyEnergy(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SumEnergy(PickleMixin):
-    """A stored energy and a quadratic one, such as those of viscosity and mass in a step in time: ``W(u) + u'Qu/2``.
+    """A stored energy and a quadratic one, such as those of viscosity and mass in a step in time: ``W(u) + u'Qu/2``."""
 
-    Attributes
-    ----------
-    energy : BodyEnergy
-        W.
-    quadratic : sparse array (n, n)
-        Q, symmetric and positive semidefinite, on the sparsity of the second derivatives of W.
-    """
-
-    energy: BodyEnergy
-    quadratic: sp.csr_array
+    energy: BodyEnergy  # W
+    quadratic: sp.csr_array  # (n, n)
 
     @property
     def unknowns(self) -> int:

@@ -547,13 +547,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
 def pushes(law: VectorLaw, offset: Array, far: float) -> bool:
     """Whether a foundation must push a body that has not moved.
 
-    Parameters
-    ----------
-    law : VectorLaw
-    offset : array (m, c)
-        Gaps and slips of the contact points where they are.
-    far : float
-        Largest coordinate or gap: gaps below its rounding are none.
+    Shapes: ``offset`` (m, c).
     """
     r = np.where(np.abs(offset) <= _ROUNDED * far, 0.0, -offset)
     zero = np.zeros_like(r)

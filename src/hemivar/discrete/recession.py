@@ -77,20 +77,11 @@ class Coercivity(Enum):
 
 @dataclass(frozen=True, eq=False)
 class CoercivityResult:
-    """The answer, with the motion that it rests on where the body is not held.
-
-    Attributes
-    ----------
-    verdict : Coercivity
-    direction : array (a,) or None
-        Coefficients of length one.
-    growth : float
-        Growth of the energy along it.
-    """
+    """The answer, with the motion that it rests on where the body is not held."""
 
     verdict: Coercivity
-    direction: Array | None = None
-    growth: float = 0.0
+    direction: Array | None = None  # (a,): coefficients of length one
+    growth: float = 0.0  # growth of the energy along it
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,23 +89,11 @@ class CoercivityProof:
     """What was shown of how a body is held, so that it need not be decided again.
 
     It is known by what it was decided of, the very objects: whatever replaces one of them is decided again.
-
-    Attributes
-    ----------
-    of : tuple
-        Model, load and law of a discrete problem.
-    limit : str or None
-        The sentence for a body that its foundation holds at rest only; None if its energy grows along every motion.
-    idle : str or None
-        The sentence for a body on which nothing acts, so that it rests in one of many equilibria; None for others.
-    balanced : bool or None
-        Of a body that only friction holds which the pressure bounds: whether its cones balance the load, or that was
-        not decided. None for others.
     """
 
-    of: tuple[object, ...]
-    limit: str | None = None
-    idle: str | None = None
+    of: tuple[object, ...]  # model, load and law of a discrete problem
+    limit: str | None = None  # the sentence for a body that its foundation holds at rest only
+    idle: str | None = None  # the sentence for a body on which nothing acts, so that it rests in one of many equilibria
     balanced: bool | None = None
 
     def covers(self, of: tuple[object, ...]) -> bool:
@@ -129,21 +108,12 @@ class FrictionCones:
     Along a motion v the forces of the cone, cut off at F, do the work ``F (v_n + mu |v_t|)_+`` at most.  Where F is
     infinite they do none along ``v_n + mu |v_t| <= 0``, and any along others.  A point that opens pulls by D instead,
     without friction.
-
-    Attributes
-    ----------
-    normal : array (p, a)
-        ``v_n = normal @ z``.
-    slips : array (p, t, a)
-        ``mu v_t = slips @ z``.
-    capacity, pull : arrays (p,)
-        F and D, weights included; D is finite.
     """
 
-    normal: Array
-    slips: Array
-    capacity: Array
-    pull: Array
+    normal: Array  # (p, a): ``v_n = normal @ z``
+    slips: Array  # (p, t, a): ``mu v_t = slips @ z``
+    capacity: Array  # (p,)
+    pull: Array  # (p,)
 
     @classmethod
     def none(cls, motions: int) -> FrictionCones:
@@ -176,36 +146,16 @@ class FrictionCones:
 
 @dataclass(frozen=True, eq=False)
 class RecessionFunction:
-    """Growth of the energy along the motions ``S z``.
+    """Growth of the energy along the motions ``S z``."""
 
-    Attributes
-    ----------
-    work : array (a,)
-        ``S'f``.
-    load : float
-        The size of what cancels in it.
-    rows : array (q, a)
-        Scalar rows ``v = rows @ z``.
-    up, down : arrays (q,)
-        Rates of growth for ``v > 0`` and for ``v < 0``; infinite where that is forbidden or grows faster.
-    cones : array (p, t, a)
-        Slips of t = 2 components, ``cones @ z``.
-    rates : array (p,)
-        Rates of growth of their lengths.
-    slack : float
-        Displacements up to which a condition counts as kept, of a motion of size one.
-    friction : FrictionCones
-        Points that are none of the rows; none by default.
-    """
-
-    work: Array
-    load: float
-    rows: Array
-    up: Array
-    down: Array
-    cones: Array
-    rates: Array
-    slack: float = SLACK
+    work: Array  # (a,): ``S'f``
+    load: float  # the size of what cancels in it
+    rows: Array  # (q, a): scalar rows ``v = rows @ z``
+    up: Array  # (q,)
+    down: Array  # (q,)
+    cones: Array  # (p, t, a): slips of t = 2 components, ``cones @ z``
+    rates: Array  # (p,): rates of growth of their lengths
+    slack: float = SLACK  # displacements up to which a condition counts as kept, of a motion of size one
     friction: FrictionCones = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -260,21 +210,7 @@ def growth_along(
 ) -> RecessionFunction:
     """Growth of the energy along motions.
 
-    Parameters
-    ----------
-    law : VectorLaw
-        At the contact points.  Friction whose bound depends on the solution counts nothing, for it may vanish.
-    local : array (m, d, a)
-        Local displacements of the contact points in each motion.
-    weights : array (m,)
-    work : array (a,)
-        Work of the load along each motion.
-    load : float
-        The size of what cancels in it.
-    slack : float
-        What rounding makes of a tangential motion: displacements that a rigid foundation lets pass.
-    friction : bool
-        Friction that the pressure bounds counts as well, by :class:`FrictionCones`.
+    Shapes: ``local`` (m, d, a), ``weights`` (m,), ``work`` (a,).
     """
     up, down, slip = (weights * rate for rate in law.rates)
     rubbed = law.rubbed(local[:, 1:]) if friction else None
@@ -293,18 +229,7 @@ def hinges(
 ) -> RecessionFunction:
     """A growth made of rates.
 
-    Parameters
-    ----------
-    local : array (m, d, a)
-        Local displacements of the contact points in each motion.
-    up, down : arrays (m,)
-        Rates along and against the normal component, weights included.
-    slip : array (m,) or None
-        Rates along the length of the slip; None where it counts nothing.
-    work, load, slack
-        As in :func:`growth_along`.
-    rubbed : array (m, d - 1, a), optional
-        The slips times the friction coefficient, where friction counts that the pressure bounds.
+    Shapes: ``local`` (m, d, a), ``up`` (m,), ``down`` (m,), ``slip`` (m,), ``rubbed`` (m, d - 1, a).
     """
     d, a = local.shape[1:]
     rows, cones, rates, friction = local[:, 0], np.zeros((0, 2, a)), np.zeros(0), FrictionCones.none(a)

@@ -38,18 +38,9 @@ _EXCUSED = 1e-6
 
 @dataclass(frozen=True)
 class LoadScale:
-    """What a residual is held against: sizes of forces that the data of a problem set, whatever the iterate.
+    """What a residual is held against: sizes of forces that the data of a problem set, whatever the iterate."""
 
-    Attributes
-    ----------
-    load : float
-        ``|f|_2``.
-    rest : float
-        Size of the forces with which the foundation meets the body where nothing has moved: of its law at
-        ``r = -offset``, and of what it takes to bring a point back into the domain of a law that ends before it.
-    """
-
-    load: float
+    load: float  # ``|f|_2``
     rest: float
 
     def of(self, contact_force: float) -> float:
@@ -232,13 +223,7 @@ def residuals(
 def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Array, found: Residual) -> str | None:
     """Why a residual is no smaller, where half of it or more is what the derivative of a law may be off by.
 
-    Parameters
-    ----------
-    problem : DiscreteProblem
-    displacement : array (n,)
-    multiplier : array (m, d)
-    found : Residual
-        Of this pair.
+    Shapes: ``displacement`` (n,), ``multiplier`` (m, d).
     """
     if not problem.vectors.largest(float(problem.contact_points and problem.law.by_differences))[0]:
         return None

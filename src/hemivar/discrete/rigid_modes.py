@@ -31,44 +31,21 @@ _LARGEST = 1200
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Parts that hang together or touch one another, and the motions without deformation that are left to them.
+    """Parts that hang together or touch one another, and the motions without deformation that are left to them."""
 
-    Attributes
-    ----------
-    parts : int array (p,)
-        Their numbers.
-    columns : slice
-        Of :attr:`RigidModes.motions`.
-    coefficients : array (p, 3 or 6, a)
-        What each part does in each of the motions: translations, then rotations about its middle that move its
-        farthest corner by one.
-    hinges : int array
-        Nodes that the parts share with one another or with parts that are held.
-    """
-
-    parts: IntArray
-    columns: slice
-    coefficients: Array
-    hinges: IntArray
+    parts: IntArray  # (p,): their numbers
+    columns: slice  # of :attr:`RigidModes.motions`
+    coefficients: Array  # (p, 3 or 6, a)
+    hinges: IntArray  # nodes that the parts share with one another or with parts that are held
 
 
 @dataclass(frozen=True, eq=False)
 class RigidModes:
-    """A basis of the motions that deform nothing and that the supports admit.
+    """A basis of the motions that deform nothing and that the supports admit."""
 
-    Attributes
-    ----------
-    motions : sparse array (nodes * d, a)
-        Nodal displacements, of size one.
-    groups : tuple of Mechanism
-        Parts that move independently of one another; see :func:`joined`.
-    parts : Parts
-        All of the body.
-    """
-
-    motions: sp.csc_array
-    groups: tuple[Mechanism, ...]
-    parts: Parts
+    motions: sp.csc_array  # (nodes * d, a): nodal displacements, of size one
+    groups: tuple[Mechanism, ...]  # parts that move independently of one another
+    parts: Parts  # all of the body
 
     @property
     def count(self) -> int:
@@ -111,11 +88,6 @@ def free_motions(
     """The motions without deformation that a body has left, by its mesh and its supports.
 
     All but the mesh is of :class:`hemivar.discrete.Field`.
-
-    Raises
-    ------
-    ProblemError
-        Several hundred parts hang together at nodes only.
     """
     stopped = _stopped(mesh.dim, basis, lift, own)
     able = np.eye(3)[:, [1]] if ring else np.eye(3 if mesh.dim == 2 else 6)  # of rings along the axis
@@ -146,11 +118,7 @@ def joined(motions: RigidModes, trace: sp.csr_array) -> RigidModes:
 
     Each of two parts may be held as long as the other rests, and both be free to move together.
 
-    Parameters
-    ----------
-    motions : RigidModes
-    trace : sparse array (q, nodes * d)
-        What contact sees of nodal displacements.
+    Shapes: ``trace`` (q, nodes * d).
     """
     groups = motions.groups
     if len(groups) < 2:

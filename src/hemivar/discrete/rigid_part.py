@@ -22,17 +22,10 @@ class RigidPart:
 
     The forces of a stiffness along them are zero but for its rounding, which is no resistance: a body that only
     friction holds would slide until it balances what friction leaves.  So they are taken off before a product.
-
-    Attributes
-    ----------
-    basis : sparse array (n, a)
-        Orthonormal columns.
-    groups : tuple of slice
-        The columns of each group of motions.
     """
 
-    basis: sp.csr_array
-    groups: tuple[slice, ...] = ()
+    basis: sp.csr_array  # (n, a): orthonormal columns
+    groups: tuple[slice, ...] = ()  # the columns of each group of motions
 
     @classmethod
     def of(cls, motions: sp.sparray, groups: Sequence[slice]) -> RigidPart:

@@ -29,11 +29,7 @@ def over_area(problem: DiscreteProblem) -> BoolArray:
 def area_average(problem: DiscreteProblem, values: Array) -> Array:
     """Values at contact points (m, ...), over areas averaged twice: over the nodes of each cell, and over cells.
 
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        On contact boundaries values stay what they are.
-    values : array (m,) or (m, k)
+    Shapes: ``values`` (m,) or (m, k).
     """
     stated, contact, found = problem.origin, problem.contact, values.copy()
     if stated is None:

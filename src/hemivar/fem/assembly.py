@@ -58,16 +58,7 @@ def portions(mesh: Mesh, order: int) -> list[slice]:
 
 
 def stiffness_matrix(mesh: Mesh, material: Material, order: int = 1) -> sp.csr_array:
-    """Stiffness matrix of linear elasticity, ``v'K u = int eps(v) : C eps(u)``, shape (nodes * d, nodes * d).
-
-    Parameters
-    ----------
-    mesh : Mesh
-    material : Material
-        Varying coefficients are integrated by a rule of degree 2 (order 1) or 4 (order 2).
-    order : int
-        1 or 2.
-    """
+    """Stiffness matrix of linear elasticity, ``v'K u = int eps(v) : C eps(u)``, shape (nodes * d, nodes * d)."""
     return stiffness_blocks(mesh, elastic(material, mesh.dim), node_graph(mesh, order)).matrix()
 
 
@@ -78,13 +69,6 @@ def stiffness_blocks(mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> Edge
     over quadrature points and cells. If C is the same everywhere, and there are as many components as derivatives, it
     multiplies the sums of ``w h_a,k h_b,l``. No matrix per element is formed. The blocks of a row sum to zero, which
     gives those on the diagonal.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    law : ConstitutiveLaw
-    graph : NodeGraph
-        Of the mesh and the order of the elements.
     """
     components, dim = law.strains.shape
     late = law.homogeneous and components == dim
@@ -167,22 +151,7 @@ def pair_products(
     At (i, j), i < j, stands half the sum of components (i, j) and (j, i), at (j, i) half their difference, whose sign
     is that for the edge from its smaller to its larger node.
 
-    Parameters
-    ----------
-    points : sequence of (weight, derivatives, matrices)
-        At each quadrature point the weight of the rule, the derivatives h of the shape functions times the root of what
-        else weighs each cell, shape (L, e, k), and the matrices between strains and stresses, shape (k or 1, v, v).
-        None leaves these out: component (k, l) is then that of ``h_a h_b'``.
-    strains : int array, shape (c, e)
-        The strain to which derivative k of component i belongs.
-    graph : NodeGraph
-    part : slice
-        The cells.
-
-    Yields
-    ------
-    component : pair of ints
-    values : array, shape (edges of a cell, k)
+    Shapes: ``strains`` (c, e).
     """
     one, other = graph.local
     components, derivatives = strains.shape
@@ -244,25 +213,7 @@ def load_vector(
 ) -> Array:
     """Load vector ``F'v = int b . v + int_boundary t . v`` of fields of c components.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    order : int
-        1 or 2.
-    body_force : vector, shape (d,), or callable
-        Integrated exactly if constant, else by a rule of degree 4.
-    tractions : mapping of boundary name to vector, callable or Pressure
-        Integrated by a rule of degree 5.
-    components : int, optional
-        c; as many as the mesh has directions by default. Loads of one component are numbers or callables.
-    names : (str, str)
-        What messages call the two.
-    ring : bool
-        The loads are integrated over whole rings, of a body of revolution about the second axis.
-
-    Returns
-    -------
-    array, shape (nodes * c,)
+    Shapes: ``body_force`` (d,); returns (nodes * c,).
     """
     components = mesh.dim if components is None else components
 
@@ -291,21 +242,7 @@ def stated_load(problem: ContactProblem) -> Array:
 def integrated_load(
     mesh: Mesh, order: int, components: int, body: Density, boundaries: Mapping[str, Density], ring: bool = False
 ) -> Array:
-    """Integrals of densities times the shape functions of each component, shape (nodes * c,).
-
-    Parameters
-    ----------
-    mesh : Mesh
-    order : int
-    components : int
-        c.
-    body : Density
-        Per volume.  A function is integrated by a rule of degree 4.
-    boundaries : mapping of boundary name to Density
-        By a rule of degree 5.
-    ring : bool
-        Over whole rings, see :func:`load_vector`.
-    """
+    """Integrals of densities times the shape functions of each component, shape (nodes * c,)."""
     around = _on_rings if ring else _as_it_is
     load = np.zeros((mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0), components))
     _add_load(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, around(body))

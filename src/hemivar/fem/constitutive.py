@@ -41,23 +41,12 @@ class EnergyDensity(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class EnergyLaw:
-    """A stored energy of the strains of fields of c components, which need not be quadratic.
+    """A stored energy of the strains of fields of c components, which need not be quadratic."""
 
-    Attributes
-    ----------
-    strains : int array, shape (c, d)
-        As in :class:`ConstitutiveLaw`.
-    density : EnergyDensity
-    homogeneous : bool
-        Whether W is the same everywhere.
-    uniform : bool
-        Whether W is the same all over each cell.
-    """
-
-    strains: IntArray
+    strains: IntArray  # (c, d): as in :class:`ConstitutiveLaw`
     density: EnergyDensity
-    homogeneous: bool
-    uniform: bool
+    homogeneous: bool  # whether W is the same everywhere
+    uniform: bool  # whether W is the same all over each cell
 
     @staticmethod
     def of(material: Material, dim: int) -> EnergyLaw:
@@ -71,22 +60,11 @@ class ConstitutiveLaw:
 
     Strain s is the sum of the derivatives ``du_i/dx_k`` with ``strains[i, k] == s``: Voigt's strains of a displacement
     (shear counts twice), and the gradient of one component.
-
-    Attributes
-    ----------
-    strains : int array, shape (c, d)
-    matrices : function
-        Of points (k, d) and of masks of regions, shape (k,) each: symmetric matrices (k, v, v).
-    homogeneous : bool
-        Whether the matrices are the same everywhere.
-    hoop : function or None
-        Of axial symmetry: the stress around the axis for the strains and that around the axis, (k, v + 1), of the same
-        arguments.  It and the matrices are those of a whole ring, times its length.
     """
 
-    strains: IntArray
+    strains: IntArray  # (c, d)
     matrices: Callable[[Array, Mapping[str, BoolArray] | None], Array]
-    homogeneous: bool
+    homogeneous: bool  # whether the matrices are the same everywhere
     hoop: Hoop | None = field(default=None, kw_only=True)
 
     def on(

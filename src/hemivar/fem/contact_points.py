@@ -54,30 +54,14 @@ _OVERLAP, _TURNED = 1e-9, 30.0
 
 @dataclass(frozen=True, eq=False)
 class BoundaryContact:
-    """Contact points of one boundary with their law, before the supports take effect.
+    """Contact points of one boundary with their law, before the supports take effect."""
 
-    Attributes
-    ----------
-    points : ContactPoints
-        With the trace of nodal values (nodes * c,).
-    gap : array, shape (m,)
-    belt : array, shape (m, d)
-        Displacement of the foundation, of which the tangential part counts; where points have no frames that part,
-        shape (m, components - 1).
-    law : VectorLaw
-    blocked : bool array, shape (m, components)
-        Rows that supports or another boundary make dependent on a row before.
-    pair : bool
-        Whether another body is touched, and no foundation.
-    warnings : tuple of str
-    """
-
-    points: ContactPoints
-    gap: Array
-    belt: Array
+    points: ContactPoints  # with the trace of nodal values (nodes * c,)
+    gap: Array  # (m,)
+    belt: Array  # (m, d): displacement of the foundation, of which the tangential part counts
     law: VectorLaw
-    blocked: BoolArray
-    pair: bool = False
+    blocked: BoolArray  # (m, components): rows that supports or another boundary make dependent on a row before
+    pair: bool = False  # whether another body is touched, and no foundation
     warnings: tuple[str, ...] = ()
 
     def take(self, index: IntArray) -> BoundaryContact:
@@ -569,21 +553,9 @@ def join(
 ) -> tuple[ContactPoints, Array, VectorLaw, float]:
     """Contact points of all boundaries in terms of the unknowns; points held entirely are dropped.
 
-    Parameters
-    ----------
-    groups : list of BoundaryContact
-    basis : sparse array, shape (nodes * c, n)
-    prescribed : array, shape (nodes * c,)
-
-    Returns
-    -------
-    contact : ContactPoints
-    offset : array, shape (m, components)
-        Gap and way of the belt, less what supports prescribe.
-    law : VectorLaw
-        At these points.
-    energy : float
-        That of the points that supports hold.
+    Shapes: ``basis`` (nodes * c, n), ``prescribed`` (nodes * c,); returns ``offset`` (m, components). Returned:
+    ``offset``: gap and way of the belt, less what supports prescribe; ``law``: at these points; ``energy``: that of the
+    points that supports hold.
     """
     components = max(group.points.components for group in groups)
     laws = [(_turned(group), group.points.count) for group in groups]

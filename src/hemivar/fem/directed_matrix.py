@@ -20,20 +20,11 @@ _HELD = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class DirectedMatrix:
-    """A symmetric matrix in the free components at nodes.
+    """A symmetric matrix in the free components at nodes."""
 
-    Attributes
-    ----------
-    matrix : sparse array, shape (n, n)
-    directions : array, shape (N, d, d)
-        Column c is the direction of component c of the node.
-    number : int array, shape (N, d)
-        Of the unknown that each component is, -1 for held ones.
-    """
-
-    matrix: sp.csc_array
-    directions: Array
-    number: IntArray
+    matrix: sp.csc_array  # (n, n)
+    directions: Array  # (N, d, d): column c is the direction of component c of the node
+    number: IntArray  # (N, d): of the unknown that each component is, -1 for held ones
 
     def factor(self) -> spla.SuperLU:
         """Its factors."""
@@ -55,11 +46,7 @@ class DirectedMatrix:
     def rows(self, nodes: IntArray, weights: Array) -> sp.csr_array:
         """The matrix (rows, n) of ``sum over q and i of weights[..., q, i] u_i(nodes[..., q])``.
 
-        Parameters
-        ----------
-        nodes : int array, shape (k, q)
-        weights : array, shape (k, r, q, d)
-            r rows for each of the k groups of nodes.
+        Shapes: ``nodes`` (k, q), ``weights`` (k, r, q, d).
         """
         turned = np.einsum("krqi,kqij->krqj", weights, self.directions[nodes], optimize=True)
         columns = np.broadcast_to(self.number[nodes][:, None], turned.shape)
@@ -73,13 +60,7 @@ class DirectedMatrix:
 def directed_matrix(blocks: Array, nodes: IntArray, held: Array) -> DirectedMatrix:
     """Sum up blocks.
 
-    Parameters
-    ----------
-    blocks : array, shape (M, k d, k d)
-        Symmetric, the d components of each node one after another.
-    nodes : int array, shape (M, k)
-    held : array, shape (N, d, d)
-        Sums of orthogonal projections on the directions that are held at each node.
+    Shapes: ``blocks`` (M, k d, k d), ``nodes`` (M, k), ``held`` (N, d, d).
     """
     count, dim = held.shape[:2]
     touched: BoolArray = np.asarray(held.any(axis=(1, 2)))

@@ -34,21 +34,7 @@ __all__ = ["Reduction", "body_family", "moved_components"]
 
 
 class Reduction:
-    """Makes operators of a body of the blocks of its nodes and edges, on the sparsity of its stiffness.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        The elastic body.
-    moved : int array (k,)
-        Nodal components that supports may move.
-    free : bool array (nodes, c)
-        Which components of the nodes are unknowns.
-    directions : array (nodes, c, c), optional
-        Along which they go; by default along the axes.
-    jumps : JumpUnknowns, optional
-        Unknowns that are jumps between bodies, in the place of some of these.
-    """
+    """Makes operators of a body of the blocks of its nodes and edges, on the sparsity of its stiffness."""
 
     def __init__(
         self,
@@ -110,17 +96,6 @@ def body_family(
     """The matrices of a problem: the stiffness is that of :func:`discretize`, the others stand on the same sparsity.
 
     The viscosity of heat is its capacity.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        At one time, where it depends on time.
-    discrete : DiscreteProblem, optional
-        What :func:`discretize` made of the same problem.
-    with_mass : bool
-        Whether the mass is asked for.
-    pairs : mapping, optional
-        Contact points of two bodies that the discrete problem was made with.
     """
     problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
     discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete

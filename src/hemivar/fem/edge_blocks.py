@@ -17,30 +17,14 @@ __all__ = ["EdgeBlocks", "NodeGraph", "node_graph"]
 
 @dataclass(frozen=True, eq=False)
 class NodeGraph:
-    """Which nodes couple: any two of a cell are joined by an edge.
+    """Which nodes couple: any two of a cell are joined by an edge."""
 
-    Attributes
-    ----------
-    cells : int array, shape (M, L)
-        Nodes of the cells.
-    edges : int array, shape (E, 2)
-        Nodes of the edges, smaller number first, sorted.
-    cell_edges : int array, shape (M, P)
-        Edges of the cells.
-    local : int array, shape (2, P)
-        Places in the cell of the first and of the second node of each of these edges.
-    count : int
-        Number of nodes N.
-    order : int
-        Of the elements.
-    """
-
-    cells: IntArray
-    edges: IntArray
-    cell_edges: IntArray
-    local: IntArray
-    count: int
-    order: int
+    cells: IntArray  # (M, L): nodes of the cells
+    edges: IntArray  # (E, 2): nodes of the edges, smaller number first, sorted
+    cell_edges: IntArray  # (M, P): edges of the cells
+    local: IntArray  # (2, P): places in the cell of the first and of the second node of each of these edges
+    count: int  # number of nodes N
+    order: int  # of the elements
 
     def zeros(self, components: int) -> EdgeBlocks:
         """The zero matrix of blocks of so many components."""
@@ -60,21 +44,11 @@ def node_graph(mesh: Mesh, order: int) -> NodeGraph:
 
 @dataclass(frozen=True, eq=False)
 class EdgeBlocks:
-    """A symmetric matrix of c x c blocks that couples nodes joined by an edge, see :class:`NodeGraph`.
+    """A symmetric matrix of c x c blocks that couples nodes joined by an edge, see :class:`NodeGraph`."""
 
-    Attributes
-    ----------
-    diagonal : array, shape (N, c, c)
-        Block of every node.
-    upper : array, shape (E, c, c)
-        Block of every edge, rows of its first node and columns of its second one.
-    edges : int array, shape (E, 2)
-        Nodes of the edges, smaller number first, sorted.
-    """
-
-    diagonal: Array
-    upper: Array
-    edges: IntArray
+    diagonal: Array  # (N, c, c): block of every node
+    upper: Array  # (E, c, c): block of every edge, rows of its first node and columns of its second one
+    edges: IntArray  # (E, 2): nodes of the edges, smaller number first, sorted
 
     def times(self, field: Array) -> Array:
         """Product with nodal vectors, shape (N, c)."""
@@ -110,10 +84,7 @@ class EdgeBlocks:
     def turn(self, directions: Array) -> None:
         """Go over to other components at every node, in place.
 
-        Parameters
-        ----------
-        directions : array, shape (N, c, c)
-            ``directions[n, i]`` is the vector of component i at node n.
+        Shapes: ``directions`` (N, c, c).
         """
         other = np.any(directions != np.eye(directions.shape[1]), axis=(1, 2))
         nodes = np.flatnonzero(other)
@@ -128,10 +99,7 @@ class EdgeBlocks:
     def matrix(self, free: BoolArray | None = None) -> sp.csr_array:
         """Rows and columns of the free components, in the order of nodes; indices are sorted.
 
-        Parameters
-        ----------
-        free : bool array, shape (N, c), or None
-            None takes all components.
+        Shapes: ``free`` (N, c).
         """
         count, dim = self.diagonal.shape[:2]
         free = np.ones((count, dim), dtype=bool) if free is None else free

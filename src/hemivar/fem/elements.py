@@ -51,14 +51,7 @@ def _edge_pairs(corners: int) -> tuple[tuple[int, int], ...]:
 def shape_values(order: int, barycentric: Array) -> Array:
     """Shape functions, vertices then edges.
 
-    Parameters
-    ----------
-    order : int
-    barycentric : array, shape (..., d + 1)
-
-    Returns
-    -------
-    array, shape (..., number of local nodes)
+    Shapes: ``barycentric`` (..., d + 1).
     """
     if order == 1:
         return barycentric

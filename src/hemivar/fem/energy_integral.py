@@ -127,17 +127,10 @@ class NodalEnergy(PickleMixin):
 
 @dataclass(frozen=True, eq=False)
 class BeddedEnergy(PickleMixin):
-    """A stored energy of nodal values (nodes, c) with that of a bedding.
-
-    Attributes
-    ----------
-    nodal : NodalEnergy
-    bedding : EdgeBlocks or None
-        Its stiffness, in components along the axes.
-    """
+    """A stored energy of nodal values (nodes, c) with that of a bedding."""
 
     nodal: NodalEnergy
-    bedding: EdgeBlocks | None = None
+    bedding: EdgeBlocks | None = None  # its stiffness, in components along the axes
 
     def value(self, field: Array) -> float:
         """The energy."""
@@ -174,29 +167,14 @@ def bedded_energy(problem: ContactProblem) -> BeddedEnergy:
 
 @dataclass(frozen=True, eq=False)
 class EnergyIntegral(PickleMixin):
-    """The energy of the unknowns u (n,), ``int W(strain(P u + u0))``, with that of a bedding.
-
-    Attributes
-    ----------
-    body : BeddedEnergy
-    basis : sparse array, shape (nodes * c, n)
-        P.
-    prescribed : array, shape (nodes, c)
-        u0.
-    directions : array, shape (nodes, c, c), or None
-        Those of the components of every node; None for those along the axes.
-    free : bool array, shape (nodes, c)
-        Which of them are unknowns.
-    jumps : JumpUnknowns, optional
-        Unknowns that are jumps between bodies, in the place of some of these.
-    """
+    """The energy of the unknowns u (n,), ``int W(strain(P u + u0))``, with that of a bedding."""
 
     body: BeddedEnergy
-    basis: sp.csr_array
-    prescribed: Array
-    directions: Array | None
-    free: BoolArray
-    jumps: JumpUnknowns | None = None
+    basis: sp.csr_array  # (nodes * c, n): P
+    prescribed: Array  # (nodes, c): u0
+    directions: Array | None  # (nodes, c, c): those of the components of every node
+    free: BoolArray  # (nodes, c): which of them are unknowns
+    jumps: JumpUnknowns | None = None  # unknowns that are jumps between bodies, in the place of some of these
 
     @property
     def unknowns(self) -> int:

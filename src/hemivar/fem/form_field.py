@@ -38,13 +38,7 @@ ScikitFem = Any
 def form_field(basis: ScikitFem, free: IntArray, values: Array) -> Field | None:
     """The displacement, or the values at vertices of Morley's plate; None for other elements.
 
-    Parameters
-    ----------
-    basis : skfem.CellBasis
-    free : int array (n,)
-        Numbers of the unknowns of the problem among those of the basis.
-    values : array (N,)
-        What supports prescribe.
+    Shapes: ``free`` (n,), ``values`` (N,).
     """
     elem, mesh = basis.elem, basis.mesh
     if isinstance(elem, skfem.ElementTriMorley):

@@ -18,21 +18,7 @@ _SMALL = 1e-6
 
 
 def growing(problem: Posable, function: str, constant: Collection[str] = ()) -> LoadLine:
-    """The load that grows to that of a problem; a body that only a smaller load leaves in its place is let pass.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem, ContactProblem or ManufacturedProblem
-    function : str
-        Who asks, for messages.
-    constant : names
-        Loads that do not grow, as in :meth:`LoadLine.to`.
-
-    Raises
-    ------
-    SupportError
-        Nothing holds the body even against a small part of its load.
-    """
+    """The load that grows to that of a problem; a body that only a smaller load leaves in its place is let pass."""
     if not isinstance(problem, ContactProblem):
         return LoadLine.to(posed(problem, function), constant)
     try:

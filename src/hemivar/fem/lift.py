@@ -28,15 +28,7 @@ _BESIDE = 1e-9
 def lifted(integral: EnergyIntegral, field: Field, contact: ContactPoints, law: VectorLaw, offset: Array) -> Array:
     """Nodal values (nodes, c) of the linear body that follows its supports.
 
-    Parameters
-    ----------
-    integral : EnergyIntegral
-        Its prescribed values are those of the supports alone.
-    field : Field
-    contact : ContactPoints
-    law : VectorLaw
-    offset : array (m, c)
-        Gap and way of the belt, less what supports prescribe.
+    Shapes: ``offset`` (m, c).
     """
     stiffness, force = integral.unstrained()
     found = linear_response(field, stiffness, -force)

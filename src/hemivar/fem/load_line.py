@@ -165,13 +165,7 @@ class LoadLine:
 
 
 def load_names(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of loads as options keep them.
-
-    Raises
-    ------
-    ProblemError
-        They are one text, or not texts.
-    """
+    """Names of loads as options keep them."""
     given = None if isinstance(names, str) or not isinstance(names, Iterable) else tuple(names)
     if given is None or not all(isinstance(name, str) for name in given):
         raise ProblemError(f"constant is {described(names)}; give names of loads, such as ['body', 'top']")

@@ -39,18 +39,10 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class MassDensity:
-    """The factor c of a mass matrix ``int c u . v``: a mass, a capacity or the stiffness of a bedding, per volume.
-
-    Attributes
-    ----------
-    at : function
-        Of points (k, d) and of masks of regions, shape (k,) each: numbers (k,), not negative.
-    constant : float or None
-        The number where it is the same everywhere.
-    """
+    """The factor c of a mass matrix ``int c u . v``: a mass, a capacity or the stiffness of a bedding, per volume."""
 
     at: Callable[[Array, Mapping[str, BoolArray] | None], Array]
-    constant: float | None
+    constant: float | None  # the number where it is the same everywhere
 
     @property
     def none(self) -> bool:
@@ -106,17 +98,7 @@ def cell_masses(mesh: Mesh, order: int, density: MassDensity, cells: slice | Int
 def mass_blocks(
     mesh: Mesh, density: MassDensity, graph: NodeGraph | None = None, into: EdgeBlocks | None = None
 ) -> EdgeBlocks:
-    """Consistent mass matrix ``int c u . v`` by nodes and edges.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    density : MassDensity
-    graph : NodeGraph, optional
-        Of the mesh and the order of the elements; by default of linear ones.
-    into : EdgeBlocks, optional
-        Of the same graph; they are added to in place, and returned. By default blocks of d components are made.
-    """
+    """Consistent mass matrix ``int c u . v`` by nodes and edges."""
     graph = node_graph(mesh, 1) if graph is None else graph
     into = graph.zeros(mesh.dim) if into is None else into
     on_nodes, on_edges = np.zeros(graph.count), np.zeros(len(graph.edges))
@@ -152,14 +134,7 @@ def body_blocks(mesh: Mesh, material: Material, bedding: ScalarData, graph: Node
 def bedding_share(mesh: Mesh, order: int, density: MassDensity, diagonal: Array) -> float:
     """How stiff a bedding is beside the elements, in the part of the body that feels least of it; 0 without any there.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    order : int
-    density : MassDensity
-        Of the bedding.
-    diagonal : array, shape (nodes, d)
-        Of the stiffness with the bedding.
+    Shapes: ``diagonal`` (nodes, d).
     """
     if density.none:
         return 0.0

@@ -30,18 +30,10 @@ _ROUNDED = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class JumpUnknowns(PickleMixin):
-    """The change of basis from nodal unknowns u (n,) to unknowns v (n,) of which some are jumps.
+    """The change of basis from nodal unknowns u (n,) to unknowns v (n,) of which some are jumps."""
 
-    Attributes
-    ----------
-    change : sparse array, shape (n, n)
-        T in ``u = T v``.
-    back : sparse array, shape (n, n)
-        Its inverse; the rows of jumps are those of the trace.
-    """
-
-    change: sp.csr_array
-    back: sp.csr_array
+    change: sp.csr_array  # (n, n): T in ``u = T v``
+    back: sp.csr_array  # (n, n): its inverse
 
     @cached_property
     def _added(self) -> tuple[IntArray, sp.csr_array]:
@@ -98,19 +90,8 @@ def jump_unknowns(trace: sp.csr_array, own: IntArray, node: IntArray) -> JumpUnk
 
     Each comes in the place of an unknown of its own node, or of one of the master where another jump has taken that.
 
-    Parameters
-    ----------
-    trace : sparse array, shape (k, n)
-        The jumps by nodal unknowns.
-    own : int array, shape (k,)
-        The node of the slave that each of them belongs to.
-    node : int array, shape (n,)
-        The node of each unknown, in order.
-
-    Returns
-    -------
-    JumpUnknowns or None
-        None if bodies are slaves of one another in a circle.
+    Shapes: ``trace`` (k, n), ``own`` (k,), ``node`` (n,). Returned: none if bodies are slaves of one another in a
+    circle.
     """
     pivot = _pivots(trace, own, node)
     rows = np.flatnonzero(pivot >= 0)

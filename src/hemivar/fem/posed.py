@@ -16,14 +16,7 @@ Posable = DiscreteProblem | ContactProblem | ManufacturedProblem
 
 
 def posed(problem: Posable, function: str) -> DiscreteProblem:
-    """The problem, discretised if it is not yet.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem, ContactProblem or ManufacturedProblem
-    function : str
-        Who asks, for messages.
-    """
+    """The problem, discretised if it is not yet."""
     given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):
         return given

@@ -19,11 +19,7 @@ _REFERENCE = {1: skfem.refdom.RefLine, 2: skfem.refdom.RefTri, 3: skfem.refdom.R
 def quadrature_rule(dim: int, degree: int) -> tuple[Array, Array]:
     """A quadrature rule on the simplex that is exact for polynomials of the given degree.
 
-    Returns
-    -------
-    barycentric : array, shape (q, d + 1)
-    weights : array, shape (q,)
-        They sum to one.
+    Shapes: returns ``barycentric`` (q, d + 1), ``weights`` (q,). Returned: ``weights``: they sum to one.
     """
     points, weights = skfem.quadrature.get_quadrature(_REFERENCE[dim], degree)
     return np.column_stack([1.0 - points.sum(axis=0), points.T]), np.asarray(weights) * math.factorial(dim)
@@ -48,16 +44,7 @@ def at_quadrature_points(
 ) -> tuple[Array, Array]:
     """Values of a function at the quadrature points of some cells, shape (k, q, ...), and weights of the rule, (q,).
 
-    Parameters
-    ----------
-    mesh : Mesh
-    degree : int
-        Of the rule.
-    values : function
-        Of points (n, d) and masks of regions, (n,) each, that returns shape (n, ...).
-    cells : slice or int array
-    vertices : int array, shape (k, d + 1), optional
-        Vertices of the cells in the order in which the rule takes them; that of ``mesh.cells`` by default.
+    Shapes: ``vertices`` (k, d + 1).
     """
     barycentric, weights = quadrature_rule(mesh.dim, degree)
     corners = mesh.points[mesh.cells[cells] if vertices is None else vertices]

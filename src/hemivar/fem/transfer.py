@@ -119,15 +119,7 @@ def locate(mesh: Mesh, points: ArrayLike) -> tuple[IntArray, Array]:
     A cell can hold a point only if its centroid is as near as its radius. Cells are therefore searched in
     classes of like radius, nearest centroids first.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    points : array, shape (k, d)
-
-    Returns
-    -------
-    cells : int array, shape (k,)
-    barycentric : array, shape (k, d + 1)
+    Shapes: ``points`` (k, d); returns ``cells`` (k,), ``barycentric`` (k, d + 1).
     """
     points = real_array(points, "points", finite=False)
     if points.ndim != 2 or points.shape[1] != mesh.dim or not np.all(np.isfinite(points)):

@@ -34,24 +34,12 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class NodalConditions:
-    """What supports and contact make of the nodes of the boundaries; no cell takes part in it.
-
-    Attributes
-    ----------
-    supports
-        Fixed directions and prescribed displacements at every node.
-    groups
-        Contact points of each boundary, before the supports take effect.
-    directions : array, shape (nodes, c, c)
-        Orthonormal directions of the unknowns at every node.
-    free : bool array, shape (nodes, c)
-        Which of them are unknowns.
-    """
+    """What supports and contact make of the nodes of the boundaries; no cell takes part in it."""
 
     supports: Supports
     groups: list[BoundaryContact]
-    directions: Array
-    free: BoolArray
+    directions: Array  # (nodes, c, c): orthonormal directions of the unknowns at every node
+    free: BoolArray  # (nodes, c): which of them are unknowns
 
     @cached_property
     def basis(self) -> sp.csr_array:

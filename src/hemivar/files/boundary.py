@@ -20,24 +20,12 @@ __all__ = ["ContactBoundary", "TouchedSide", "contact_boundaries", "polylines"]
 
 @dataclass(frozen=True, eq=False)
 class TouchedSide:
-    """The side of a contact of two bodies that has no contact points of its own.
+    """The side of a contact of two bodies that has no contact points of its own."""
 
-    Attributes
-    ----------
-    side : str
-        The boundary of the mesh.
-    members : int array (k, q)
-        Displacement nodes of its facets, vertices first.
-    nodes : int array (p,)
-        Those of its nodes that contact points see.
-    share : sparse array (p, m)
-        How much each contact point of the problem counts there; rows sum to one.
-    """
-
-    side: str
-    members: IntArray
-    nodes: IntArray
-    share: sp.csr_array
+    side: str  # the boundary of the mesh
+    members: IntArray  # (k, q): displacement nodes of its facets, vertices first
+    nodes: IntArray  # (p,): those of its nodes that contact points see
+    share: sp.csr_array  # (p, m): how much each contact point of the problem counts there
 
     @classmethod
     def of(cls, side: str, field: Field, contact: ContactPoints, index: IntArray) -> TouchedSide:
@@ -66,34 +54,16 @@ class TouchedSide:
 
 @dataclass(frozen=True, eq=False)
 class ContactBoundary:
-    """One named contact boundary and its contact points; of two bodies, that of the side that has them.
-
-    Attributes
-    ----------
-    name : str
-    mesh : Mesh
-    members : int array (k, q)
-        Displacement nodes of the facets, vertices first.
-    index : int array (p,)
-        Contact points of the discrete problem on this boundary.
-    nodes : int array (p,) or None
-        Their displacement nodes; None if they are the midpoints of facets without nodes of their own.
-    facets : int array (p,) or None
-        Facets whose midpoints they are, in that case.
-    side : str
-        The boundary of the mesh that it is; of a contact of two bodies not always that of its name.
-    touched : TouchedSide or None
-        What it touches, if that is another body.
-    """
+    """One named contact boundary and its contact points; of two bodies, that of the side that has them."""
 
     name: str
     mesh: Mesh
-    members: IntArray
-    index: IntArray
-    nodes: IntArray | None
-    facets: IntArray | None
-    side: str
-    touched: TouchedSide | None = None
+    members: IntArray  # (k, q): displacement nodes of the facets, vertices first
+    index: IntArray  # (p,): contact points of the discrete problem on this boundary
+    nodes: IntArray | None  # (p,): their displacement nodes
+    facets: IntArray | None  # (p,): facets whose midpoints they are, in that case
+    side: str  # the boundary of the mesh that it is
+    touched: TouchedSide | None = None  # what it touches, if that is another body
 
     @property
     def title(self) -> str:

@@ -107,14 +107,6 @@ def changed(data: Mapping[str, object], changes: Sequence[Change], name: str) ->
     """Tables of a problem file with values replaced, in turn; what is given stays as it is.
 
     Tables that a file may leave out are made.  What is not known in its table is refused where the file is read.
-
-    Parameters
-    ----------
-    data : mapping
-        As TOML gives it.
-    changes : sequence of Change
-    name : str
-        What messages call the file.
     """
     made: dict[str, object] = copy.deepcopy(dict(data))
     for change in changes:

@@ -207,15 +207,7 @@ class _Reader:
 
 
 class SideFiles:
-    """Where tables go that come from no file: beside the problem file if that is wanted, else nowhere.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the problem file.
-    put : callable or None
-        Gets a name for the table and its lines of CSV, and returns the file's name for the problem file.
-    """
+    """Where tables go that come from no file: beside the problem file if that is wanted, else nowhere."""
 
     def __init__(self, folder: Path, put: Callable[[str, str], str] | None) -> None:
         self.folder = folder

@@ -24,32 +24,16 @@ __all__ = ["Film", "FilmFrame", "film_of", "read_film"]
 
 @dataclass(frozen=True, eq=False)
 class FilmFrame:
-    """A body at one time.
-
-    Attributes
-    ----------
-    time : float
-    displacement, velocity : arrays (nodes, d)
-    places : array (p, d)
-        Contact points at rest.
-    moved : array (p, d)
-        Their displacement.
-    force : array (p, d)
-        Force per area of the foundation on the body.
-    states : ContactStates
-        What each contact point does.
-    gap : array (p,)
-        Distance of the foundation from the body at rest, along the normal, with what is worn off it.
-    """
+    """A body at one time."""
 
     time: float
-    displacement: Array
-    velocity: Array
-    places: Array
-    moved: Array
-    force: Array
-    states: ContactStates
-    gap: Array
+    displacement: Array  # (nodes, d)
+    velocity: Array  # (nodes, d)
+    places: Array  # (p, d): contact points at rest
+    moved: Array  # (p, d): their displacement
+    force: Array  # (p, d): force per area of the foundation on the body
+    states: ContactStates  # what each contact point does
+    gap: Array  # (p,): distance of the foundation from the body at rest, along the normal, with what is worn off it
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,26 +30,14 @@ __all__ = ["StatedMesh", "file_name", "mesh_record", "read_mesh_table"]
 
 @dataclass(frozen=True, eq=False)
 class StatedMesh:
-    """What the table [mesh] says.
-
-    Attributes
-    ----------
-    recipe : MeshRecipe
-    order : int or None
-        Polynomial degree of the elements; None if the mesh is to suggest it.
-    quadrature : Quadrature
-    geometry : Geometry
-    trace_constant : float or None
-    table : TomlTable
-        Where it stands, for messages.
-    """
+    """What the table [mesh] says."""
 
     recipe: MeshRecipe
-    order: int | None
+    order: int | None  # polynomial degree of the elements
     quadrature: Quadrature
     geometry: Geometry
     trace_constant: float | None
-    table: TomlTable
+    table: TomlTable  # where it stands, for messages
 
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times."""

@@ -185,17 +185,7 @@ def read_text(path: str | Path) -> str:
 
 
 def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:
-    """A contact problem from the text of a problem file.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-    base_dir : str or Path
-        Where mesh files are looked for.
-    name : str
-        What messages call the file.
-    """
+    """A contact problem from the text of a problem file."""
     return parse_problem_file(text, base_dir, name).problem
 
 
@@ -385,14 +375,7 @@ def write_problem(
 
 
 def problem_text(problem: ContactProblem | ManufacturedProblem | ProblemFile, folder: str | Path = ".") -> str:
-    """The text that :func:`write_problem` writes.
-
-    Parameters
-    ----------
-    problem : ContactProblem or ProblemFile
-    folder : str or Path
-        From which files are named.
-    """
+    """The text that :func:`write_problem` writes."""
     stated = _as_file(problem)
     return _read_again(stated, _settings(stated.solver, None, None), Path(folder), "problem", None)
 

@@ -32,30 +32,6 @@ class ResumeLog(Generic[Part]):
     A process that is killed leaves whole lines, and perhaps the beginning of one, which is left out.  Every line has a
     check, the beginning of its digest, so that none that was damaged since is taken for what was computed.  The check
     does not protect against forgery.
-
-    Parameters
-    ----------
-    path : str or Path
-        Made if it is not there.
-    kind : str
-        The work, in a word: ``"sweep"``.
-    part : str
-        A part of it, in a word: ``"point"``.
-    digest : str
-        Of all that the parts depend on: the same work.
-    read : function
-        From a line to the part; ValueError, KeyError or TypeError where it is none.
-    said : mapping
-        What else stands in the first line, which must be the same as well.
-    most_bytes : int
-        A larger file is not read.
-    wanted : bool
-        Whether somebody asked for the file.  If nobody did, and it cannot be written, the work goes on without it.
-
-    Attributes
-    ----------
-    unkept : str
-        Why the file could not be written; empty if it was.
     """
 
     def __init__(

@@ -38,22 +38,7 @@ def decode(
     by: str = "stated",
     **own: Callable[[TomlTable], object],
 ) -> dict[str, Any]:
-    """The fields of a dataclass that a table gives, by their names; the others keep their defaults.
-
-    Parameters
-    ----------
-    cls : type or instance
-        A dataclass of stated fields.
-    table : TomlTable
-    dim : int or Mesh
-        Directions of the body, or its mesh, where something is given by names of boundaries or regions.
-    part : str
-        Which table it is, of a class that several state.
-    by : str
-        The name of the metadata, see :func:`hemivar.basics.stated.stated_fields`.
-    **own : function
-        Readers of fields of the form ``OWN``, by name.
-    """
+    """The fields of a dataclass that a table gives, by their names; the others keep their defaults."""
     found = {}
     for key, (one, said) in stated_fields(cls, part, by).items():
         if key in table:
@@ -90,20 +75,7 @@ def check_named(mesh: Mesh, table: TomlTable, name: str, what: str = "boundary")
 def encode(
     value: DataclassInstance, where: str = "", part: str = "", by: str = "stated", **own: Callable[..., object]
 ) -> dict[str, object]:
-    """The table of a dataclass of stated fields, from which :func:`decode` reads the same.
-
-    Parameters
-    ----------
-    value : dataclass
-    where : str
-        What messages call it.
-    part : str
-        Which table it is, of a class that several state.
-    by : str
-        As in :func:`decode`.
-    **own : function
-        Writers of fields, by name; a field of the form ``OWN`` without one is left out.
-    """
+    """The table of a dataclass of stated fields, from which :func:`decode` reads the same."""
     record = {}
     for key, (one, said) in stated_fields(value, part, by).items():
         given, default = getattr(value, one.name), _default(one)
@@ -123,19 +95,7 @@ def read_arguments(
     key: str = "",
     own: Mapping[Form, Callable[[TomlTable, Argument], object]] = MappingProxyType({}),
 ) -> dict[str, object]:
-    """What a table gives of the parameters of a law or a material, by their names in Python.
-
-    Parameters
-    ----------
-    entry : LawEntry
-    table : TomlTable
-    dim : int
-        Directions of the body.
-    key : str
-        Under which the table stands in another one, if it does.
-    own : mapping of Form to function
-        Readers of other forms.
-    """
+    """What a table gives of the parameters of a law or a material, by their names in Python."""
     found: dict[str, object] = {}
     for one in entry.parameters:
         if one.key not in table:
@@ -153,16 +113,7 @@ def read_arguments(
 
 
 def rows_of(*classes: type[DataclassInstance], defaults: bool = True, part: str = "") -> list[str]:
-    """The rows of dataclasses in the tables of the page of the problem file: key, what it is, and its default.
-
-    Parameters
-    ----------
-    *classes : type
-    defaults : bool
-        Whether the table has a column of defaults.
-    part : str
-        Which table it is, of classes that several state.
-    """
+    """The rows of dataclasses in the tables of the page of the problem file: key, what it is, and its default."""
     rows = []
     for cls in classes:
         for key, (one, said) in stated_fields(cls, part).items():

@@ -26,12 +26,6 @@ class Series:
 
     ``run.pvd`` names the bodies, ``run_contact.pvd`` the contact boundaries; the VTU lie in the folder ``run`` beside
     them and are numbered by the steps of the march, so that frames of a march that goes on fall on their own names.
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.pvd``.
-    discrete : DiscreteEvolution
     """
 
     def __init__(self, path: str | Path, discrete: DiscreteEvolution) -> None:
@@ -56,10 +50,7 @@ class Series:
     def finish(self, frames: Iterable[tuple[int, Frame]]) -> tuple[Path, ...]:
         """Let the lists name exactly these frames; writes those that are missing, and removes the others in the folder.
 
-        Returns
-        -------
-        tuple of Path
-            The lists.
+        Returned: the lists.
         """
         kept = dict(frames)
         missing = [(step, frame) for step, frame in kept.items() if step not in self._written]

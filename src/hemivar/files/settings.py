@@ -60,19 +60,9 @@ class SolverSettings:
 
 @dataclass(frozen=True, eq=False)
 class TimeSettings:
-    """What the tables ``[time]`` and ``[output]`` of a problem file say of the way through time.
+    """What the tables ``[time]`` and ``[output]`` of a problem file say of the way through time."""
 
-    Attributes
-    ----------
-    march : March
-        How the evolution is computed, and what is kept of it.
-    inertia : bool
-    initial : mapping
-        ``displacement`` and ``velocity`` at the beginning: vectors (d,) or callables; of one component numbers or
-        functions of the place.
-    """
-
-    march: March
+    march: March  # how the evolution is computed, and what is kept of it
     inertia: bool = field(
         default=False, metadata=stated(Form.FLAG, "whether the mass of the body counts, which needs a density")
     )

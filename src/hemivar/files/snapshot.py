@@ -31,40 +31,20 @@ _NOISE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Snapshot(ContactValues):
-    """A frame with the problem that it belongs to.
+    """A frame with the problem that it belongs to."""
 
-    Attributes
-    ----------
-    problem : DiscreteProblem
-        With the gaps of its time.
-    time : float
-    displacement, velocity : arrays (nodes, d)
-    local, multiplier, rate : arrays (m, c)
-        At the contact points: penetration and slip; force per area of the body on the foundation, which is the
-        pressure (column 0) and minus the friction; velocity of penetration and slip.
-    states : ContactStates
-        What each contact point does.
-    memory : mapping of name to array (m, ...)
-    temperature : array (nodes,) or None
-        Of a body with heat.
-    thermal_stress : array (M, d, d) or None
-        In the middle of each cell what the temperature takes from the stress.
-    force_time : float
-        The time that the multiplier belongs to.
-    """
-
-    problem: DiscreteProblem
+    problem: DiscreteProblem  # with the gaps of its time
     time: float
-    displacement: Array
-    velocity: Array
-    local: Array
-    multiplier: Array
-    rate: Array
-    states: ContactStates
-    memory: Mapping[str, Array] = field(default_factory=dict)
-    temperature: Array | None = None
-    thermal_stress: Array | None = None
-    force_time: float = math.nan
+    displacement: Array  # (nodes, d)
+    velocity: Array  # (nodes, d)
+    local: Array  # (m, c)
+    multiplier: Array  # (m, c)
+    rate: Array  # (m, c)
+    states: ContactStates  # what each contact point does
+    memory: Mapping[str, Array] = field(default_factory=dict)  # (m, ...)
+    temperature: Array | None = None  # (nodes,): of a body with heat
+    thermal_stress: Array | None = None  # (M, d, d)
+    force_time: float = math.nan  # the time that the multiplier belongs to
 
     @property
     def contact(self) -> ContactPoints:  # type: ignore[override]
@@ -101,12 +81,6 @@ def moving_states(discrete: DiscreteEvolution, frame: Frame) -> ContactStates:
 
     Along the normal they are those of the law at this time, of what it sees where a surface has worn or crept, and of
     what the points remember.
-
-    Parameters
-    ----------
-    discrete : DiscreteEvolution
-        Of all processes, or of this one.
-    frame : Frame
     """
     parts = (frame.local, frame.multiplier, frame.velocity, frame.displacement)
     sizes = (float(np.abs(part).max(initial=0.0)) for part in parts)

@@ -24,21 +24,11 @@ __all__ = ["StoredSolution"]
 
 @dataclass(frozen=True, eq=False)
 class StoredSolution:
-    """The solution on one mesh of several, as a file keeps it: all but the problem and the history of the steps.
+    """The solution on one mesh of several, as a file keeps it: all but the problem and the history of the steps."""
 
-    Attributes
-    ----------
-    number : int
-        Which mesh, from 0.
-    unknowns : array (n,)
-    multiplier : array (m, d)
-    status, residual, method, steps, evaluations, timings, error_bound, contraction, kind
-        As :class:`hemivar.solvers.Solution` has them.
-    """
-
-    number: int
-    unknowns: Array
-    multiplier: Array
+    number: int  # which mesh, from 0
+    unknowns: Array  # (n,)
+    multiplier: Array  # (m, d)
     status: Status
     residual: Residual
     method: str

@@ -139,21 +139,7 @@ Quantity = float | Formula
 
 
 class TomlTable:
-    """A table of a file that knows where it stands; every accessor raises an error that says so.
-
-    Parameters
-    ----------
-    data : mapping
-        As TOML gives it.
-    source : str
-        What messages call the file.
-    name : str
-        Of the table, empty for the top of the file.
-    keys : iterable of str or None
-        Keys that are known; others are refused. ``None``: any.
-    prefix : str
-        Path of an inline table within the named one, ending in a dot.
-    """
+    """A table of a file that knows where it stands; every accessor raises an error that says so."""
 
     def __init__(
         self,

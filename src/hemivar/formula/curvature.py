@@ -22,35 +22,17 @@ _TIGHT, _LEAST = 5e-3, 1e-300
 
 @dataclass(frozen=True, eq=False)
 class BoxVariable:
-    """A variable of an expression on k boxes, as a function of the p sides of the boxes.
+    """A variable of an expression on k boxes, as a function of the p sides of the boxes."""
 
-    Attributes
-    ----------
-    value : pair of arrays (k,)
-    slope : pair of arrays (p, k)
-        First derivatives by the coordinates.
-    bend : pair of arrays (p (p + 1) / 2, k) or None
-        Second ones, in the order of ``numpy.triu_indices(p)``; None is zero.
-    """
-
-    value: Pair
-    slope: Pair
-    bend: Pair | None = None
+    value: Pair  # (k,)
+    slope: Pair  # (p, k): first derivatives by the coordinates
+    bend: Pair | None = None  # second ones, in the order of ``numpy.triu_indices(p)``
 
 
 def second_derivatives(graph: Graph, node: int, variables: Mapping[str, BoxVariable]) -> Pair:
     """Bounds of the second derivatives of an expression by the coordinates of boxes, rounding included.
 
-    Parameters
-    ----------
-    graph, node
-        Without piecewise.
-    variables : mapping of name to BoxVariable
-
-    Returns
-    -------
-    lower, upper : arrays (p (p + 1) / 2, k)
-        In the order of ``numpy.triu_indices(p)``; infinite where nothing can be said, at kinks for instance.
+    Returned: in the order of ``numpy.triu_indices(p)``; infinite where nothing can be said, at kinks for instance.
     """
     first = next(iter(variables.values()))
     p, count = first.slope[0].shape
@@ -63,17 +45,7 @@ def second_derivatives(graph: Graph, node: int, variables: Mapping[str, BoxVaria
 
 @dataclass(frozen=True)
 class EnclosedRange:
-    """What is known of the range of a function.
-
-    Attributes
-    ----------
-    lower, upper : float
-        It lies between them, shown by intervals; infinite where nothing could be shown.
-    least, largest : float
-        Values that were seen.
-    least_at, largest_at : tuple of float
-        Where.
-    """
+    """What is known of the range of a function."""
 
     lower: float
     upper: float
@@ -88,14 +60,7 @@ def enclosed_range(
 ) -> EnclosedRange:
     """Enclose the range of a function over the part of a box that is inside something, by cutting the box.
 
-    Parameters
-    ----------
-    bounds : callable
-        Bounds (k,) and (k,) on boxes between corners (k, d) and (k, d); narrow on boxes that are points.
-    low, high : arrays (d,)
-    inside : callable
-        Whether points (k, d) are inside; that it holds for the point of a box nearest to zero decides whether the box
-        counts.
+    Shapes: ``low`` (d,), ``high`` (d,).
     """
     boxes = (low[None], high[None])
     waiting = (low[:0].reshape(0, low.size), low[:0].reshape(0, low.size), np.zeros(0), np.zeros(0))

@@ -19,18 +19,8 @@ _Growth = tuple[float, float, float]
 def enclosed(graph: Graph, node: int, low: Array, high: Array) -> tuple[Array, Array]:
     """Bounds of an expression in one variable over intervals, rounding included.
 
-    Parameters
-    ----------
-    graph : Graph
-    node : int
-    low, high : arrays (k,)
-        Ends, of which each may be infinite; ``low <= high``.
-
-    Returns
-    -------
-    lower, upper : arrays (k,)
-        The values in the interval lie between them; both are infinite where nothing can be said, also where the
-        expression has no value everywhere.
+    Shapes: ``low`` (k,), ``high`` (k,); returns (k,). Returned: the values in the interval lie between them; both are
+    infinite where nothing can be said, also where the expression has no value everywhere.
     """
     kept: dict[int, Pair] = {}
     with np.errstate(all="ignore"):
@@ -45,17 +35,7 @@ def enclosed(graph: Graph, node: int, low: Array, high: Array) -> tuple[Array, A
 def enclosed_on_boxes(graph: Graph, node: int, sides: Mapping[str, Pair]) -> Pair:
     """Bounds of an expression in several variables on boxes, rounding included.
 
-    Parameters
-    ----------
-    graph : Graph
-    node : int
-    sides : mapping of name to pair of arrays (k,)
-        Ends of the boxes by variable.
-
-    Returns
-    -------
-    lower, upper : arrays (k,)
-        As :func:`enclosed`.
+    Shapes: ``sides`` (k,); returns (k,). Returned: as :func:`enclosed`.
     """
     own: Pair = (np.zeros(0), np.zeros(0))
     for _, _, _, own in enclosed_parts(graph, node, sides):  # noqa: B007 - the last is that of the whole
@@ -66,13 +46,7 @@ def enclosed_on_boxes(graph: Graph, node: int, sides: Mapping[str, Pair]) -> Pai
 def enclosed_parts(
     graph: Graph, node: int, sides: Mapping[str, Pair]
 ) -> Iterator[tuple[str, tuple[int, ...], list[Pair], Pair]]:
-    """The parts of an expression in order: operation, arguments, the bounds of these and its own on boxes.
-
-    Parameters
-    ----------
-    graph, node, sides
-        As :func:`enclosed_on_boxes`.
-    """
+    """The parts of an expression in order: operation, arguments, the bounds of these and its own on boxes."""
     kept: dict[int, Pair] = {}
     low, high = next(iter(sides.values()))
     for i, op, arguments, leaf, done in graph.program(graph.gathered(node)):
@@ -87,16 +61,7 @@ def enclosed_parts(
 def without_pole(graph: Graph, node: int, sides: Mapping[str, Pair]) -> BoolArray:
     """Whether every part of an expression is shown to be finite and continuous on boxes, but for its switches.
 
-    Parameters
-    ----------
-    graph : Graph
-    node : int
-    sides : mapping of name to pair of arrays (k,)
-        Ends of the boxes by variable, of which each may be infinite.
-
-    Returns
-    -------
-    array of bool (k,)
+    Shapes: ``sides`` (k,); returns (k,).
     """
     shown = np.ones(next(iter(sides.values()))[0].shape, dtype=bool)
     if not any(_may_fail(graph, op, arguments) for _, op, arguments, _, _ in graph.program(node)):

@@ -29,24 +29,12 @@ _Places = Mapping[str, "Array | float"]
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """Polynomials of degree 2 on k simplices with p + 1 corners.
+    """Polynomials of degree 2 on k simplices with p + 1 corners."""
 
-    Attributes
-    ----------
-    value : array, shape (k,)
-        At the centroid.
-    slope : array, shape (k, p)
-        By the barycentric coordinates of all corners but the first.
-    bend : array, shape (k, p, p)
-        Second derivatives by these.
-    off : array, shape (k,)
-        By how much the expression may differ on the simplex; inf where nothing is known.
-    """
-
-    value: Array
-    slope: Array
-    bend: Array
-    off: Array
+    value: Array  # (k,): at the centroid
+    slope: Array  # (k, p): by the barycentric coordinates of all corners but the first
+    bend: Array  # (k, p, p): second derivatives by these
+    off: Array  # (k,): by how much the expression may differ on the simplex
 
     def at(self, barycentric: Array) -> Array:
         """Values (k, q) at points (q, p + 1) of the simplices."""
@@ -67,12 +55,7 @@ class _Jet:
 def expansion(graph: Graph, node: int, places: _Places) -> Expansion:
     """Polynomials near to an expression.
 
-    Parameters
-    ----------
-    graph : Graph
-    node : int
-    places : mapping of name to array (k, p + 1) or float
-        Values of every variable at the corners of k simplices, between which it is linear; one at least is an array.
+    Shapes: ``places`` (k, p + 1).
     """
     shape = next(value.shape for value in places.values() if isinstance(value, np.ndarray))
     count, p = shape[0], shape[1] - 1

@@ -67,13 +67,7 @@ _SWITCHES = frozenset({"abs", "min", "max", "piecewise"})
 
 
 class Graph:
-    """The nodes of some expressions; every one is a number that is larger than those of its arguments.
-
-    Parameters
-    ----------
-    prefix : str
-        What stands before the message of every error.
-    """
+    """The nodes of some expressions; every one is a number that is larger than those of its arguments."""
 
     def __init__(self, prefix: str = "") -> None:
         self.prefix = prefix
@@ -90,13 +84,7 @@ class Graph:
     # ---- making nodes ----------------------------------------------------------------------------------------
 
     def node(self, op: str, *arguments: int, leaf: Leaf = 0.0) -> int:
-        """The node of an operation, as it is written: an old one if there is one.
-
-        Raises
-        ------
-        ProblemError
-            If the graph grows too large.
-        """
+        """The node of an operation, as it is written: an old one if there is one."""
         key = (op, arguments, leaf if leaf == leaf else "nan")
         found = self._index.get(key)
         if found is not None:

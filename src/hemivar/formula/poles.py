@@ -26,17 +26,10 @@ _ZERO, _FARTHEST = 1e-15, 1e9
 
 @dataclass(frozen=True)
 class Pole:
-    """A place at which a formula is not shown to be continuous.
-
-    Attributes
-    ----------
-    place : float
-    sure : bool
-        Whether it was narrowed down to rounding; False where the work ended before.
-    """
+    """A place at which a formula is not shown to be continuous."""
 
     place: float
-    sure: bool
+    sure: bool  # whether it was narrowed down to rounding
 
     def words(self, variable: str, limit: str = "") -> str:
         """What a message says after the name of the formula; ``limit`` is what may be smaller, if anything may.
@@ -63,13 +56,7 @@ def pole_of_pieces(branches: Sequence[SmoothFormula], ends: Array, reach: float)
 
     At the ends of the pieces it is only asked whether the values are finite, at the outer ones nothing.
 
-    Parameters
-    ----------
-    branches : sequence of SmoothFormula (k,)
-        Of one graph: the function on each piece.
-    ends : array (k + 1,)
-        Ends of the pieces; the outer ones may be infinite.
-    reach : float
+    Shapes: ``branches`` (k,), ``ends`` (k + 1,).
     """
     doubt = None
     for i, place in enumerate(ends[1:-1].tolist()):
@@ -122,16 +109,7 @@ def _distance(low: Array, high: Array) -> Array:
 def pole_in_box(
     graph: Graph, node: int, sides: Mapping[str, tuple[float, float]], inside: Callable[[Array], BoolArray]
 ) -> dict[str, float] | None:
-    """A place in a box at which an expression of several variables has a pole or no value; None if none was found.
-
-    Parameters
-    ----------
-    graph, node
-    sides : mapping of name to pair of float
-        Ends of the box, finite.
-    inside : callable
-        Whether points (k, d) count; a part counts where the point of it that is nearest to zero does.
-    """
+    """A place in a box at which an expression of several variables has a pole or no value; None if none was found."""
     names, ends = list(sides), np.array(list(sides.values()))
     left, right = ends[None, :, 0], ends[None, :, 1]
     narrow = _NARROW * (ends[:, 1] - ends[:, 0])

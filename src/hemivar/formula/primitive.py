@@ -26,19 +26,11 @@ class Primitive:
     """The integral of a function from one of some places on, ``sums[k] + int_{ends[k]}^r slope``.
 
     Beyond the places it is integrated over parts that double, and is as exact as the function is smooth there.
-
-    Parameters
-    ----------
-    slope : SmoothFormula
-    ends : array (k + 1,)
-        Increasing; between them one rule of 16 points is exact to rounding.
-    sums : array (k + 1,)
-        The integral at these places.
     """
 
     slope: SmoothFormula
-    ends: Array
-    sums: Array
+    ends: Array  # (k + 1,): increasing
+    sums: Array  # (k + 1,): the integral at these places
 
     @classmethod
     def over(cls, slope: SmoothFormula, places: Array) -> Primitive:

@@ -16,14 +16,6 @@ def slopes(graph: Graph, node: int, at: Mapping[str, Array], names: Sequence[str
     """The derivatives of an expression by some variables, one array for each; nan where there is none.
 
     At a kink of ``abs``, ``min`` or ``max`` it is the mean of both sides.
-
-    Parameters
-    ----------
-    graph, node
-        Without ``piecewise``.
-    at : mapping of name to array
-        Values of all variables, of one shape.
-    names : sequence of str
     """
     value: dict[int, Array] = {}
     rates: dict[int, list[Array]] = {}

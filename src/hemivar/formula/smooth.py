@@ -38,37 +38,19 @@ _TIGHT = 1e-7
 
 @dataclass(frozen=True)
 class Supremum:
-    """What is known about the supremum of a function over an interval.
+    """What is known about the supremum of a function over an interval."""
 
-    Attributes
-    ----------
-    bound : float
-        It is at most this; inf if no bound was found within the work allowed.
-    seen : float
-        Largest value that was met.
-    place : float
-        Where; if there is no bound, next to where it failed.
-    """
-
-    bound: float
-    seen: float
-    place: float
+    bound: float  # it is at most this
+    seen: float  # largest value that was met
+    place: float  # where
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothFormula:
-    """A function of one variable without switches.
-
-    Parameters
-    ----------
-    graph : Graph
-    node : int
-        An expression without abs, min, max and piecewise.
-    variable : str
-    """
+    """A function of one variable without switches."""
 
     graph: Graph
-    node: int
+    node: int  # an expression without abs, min, max and piecewise
     variable: str
 
     def __call__(self, r: Array) -> Array:
@@ -130,21 +112,8 @@ class SmoothFormula:
 
         Where the function is zero all over some interval, or differs from zero by rounding only, it has none.
 
-        Parameters
-        ----------
-        low, high : arrays (k,)
-            Finite.
-        finest : float
-            Places nearer to zero than this are distinguished as if they were as far.
-        most : float
-            Work allowed, in nodes times intervals; what the graph has done before counts.
-
-        Returns
-        -------
-        zeros : array
-            Increasing.
-        rest : pair of arrays
-            Ends of the parts that may hold more.
+        Shapes: ``low`` (k,), ``high`` (k,). Returned: ``zeros``: increasing; ``rest``: ends of the parts that may hold
+        more.
         """
         slope = self.derivative()
         brackets: list[tuple[Array, Array]] = [(low[:0], high[:0])]
@@ -345,19 +314,7 @@ def supremum_of_pieces(
 ) -> Supremum:
     """Enclose the larger of zero and the supremum of ``sign`` times a derivative over all pieces of a function.
 
-    Parameters
-    ----------
-    branches : sequence of SmoothFormula (k,)
-        Of one graph: the function on each piece.
-    ends : array (k + 1,)
-        Ends of the pieces; the outer ones may be infinite.
-    reach : float
-    order : int
-        Of the derivative.
-    sign : float
-        1 or -1.
-    slack : float
-        Absolute accuracy that is good enough.
+    Shapes: ``branches`` (k,), ``ends`` (k + 1,).
     """
     found = Supremum(0.0, 0.0, 0.0)
     branches[0].graph.work = 0.0

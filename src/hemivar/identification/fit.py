@@ -232,19 +232,11 @@ class Fit(PickleMixin):
 
 @dataclass(frozen=True, eq=False)
 class FitAttempt:
-    """A start is done.
-
-    Attributes
-    ----------
-    number, count : int
-        Which start, from 0, and of how many.
-    misfit : float
-        Relative to the largest measured value.
-    """
+    """A start is done."""
 
     number: int
     count: int
-    misfit: float
+    misfit: float  # relative to the largest measured value
 
 
 #: Law, solutions of all rows and what would be measured, for some parameters.

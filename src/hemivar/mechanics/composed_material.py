@@ -266,10 +266,7 @@ class LowerElasticity(Material):
 def lower_elasticity(material: Material) -> Material:
     """The linear material of ``C_low`` of a material, in whose energy norm errors are bounded; itself if it is linear.
 
-    Returns
-    -------
-    Material
-        Its tensor is refused where no lower bound is known.
+    Returned: its tensor is refused where no lower bound is known.
     """
     return material if material.linear else LowerElasticity(material)
 

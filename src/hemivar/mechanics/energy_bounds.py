@@ -28,17 +28,10 @@ _NAMES = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "yz", "xz", "xy")}
 
 @dataclass(frozen=True)
 class FoundRange:
-    """A range with what is to be believed of it.
-
-    Attributes
-    ----------
-    found : EnclosedRange
-    rounding : float
-        Part of the largest value below which a value counts as zero.
-    """
+    """A range with what is to be believed of it."""
 
     found: EnclosedRange
-    rounding: float
+    rounding: float  # part of the largest value below which a value counts as zero
 
     @property
     def _zero(self) -> float:

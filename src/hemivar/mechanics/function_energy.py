@@ -98,14 +98,7 @@ class RelativeEnergy(StoredEnergy):
 @known_fields
 @dataclass(frozen=True, eq=False)
 class FunctionEnergy(RelativeEnergy):
-    """An energy by Python functions of the strain.
-
-    Attributes
-    ----------
-    value, first, second : callable
-        Energy, stress and tangent of strains (k, v).
-    reach : float
-    """
+    """An energy by Python functions of the strain."""
 
     value: Callable[[Array], object]
     first: Callable[[Array], object]

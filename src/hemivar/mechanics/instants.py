@@ -50,16 +50,9 @@ def depends_on_time(value: object) -> bool:
 
 @dataclass(frozen=True)
 class Instant(PickleMixin):
-    """A quantity that depends on time, at one time: a function of points, shape (k, d).
+    """A quantity that depends on time, at one time: a function of points, shape (k, d)."""
 
-    Attributes
-    ----------
-    value : Formula, FormulaArray or callable
-        Of points and time.
-    time : float
-    """
-
-    value: Callable[[Array, float], object]
+    value: Callable[[Array, float], object]  # of points and time
     time: float
 
     def __call__(self, points: Array) -> object:

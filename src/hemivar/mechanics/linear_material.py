@@ -152,15 +152,7 @@ def _row(value: object, name: str) -> Array:
 @known_fields
 @dataclass(frozen=True, eq=False)
 class Anisotropic(SingleMaterial):
-    """What :meth:`Material.tensor` makes.
-
-    Attributes
-    ----------
-    matrix : array (v, v) or callable
-        The elasticity matrix.
-    out_of_plane : array (3,) or None
-        Row of the stress across the plane.
-    """
+    """What :meth:`Material.tensor` makes."""
 
     matrix: Array | Callable[[Array], object] = field(
         metadata=stated(Form.MATRIX, "elasticity", key="tensor") | kept(_matrix)

@@ -76,23 +76,12 @@ def isotropic_matrices(lam: Array, mu: Array, dim: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Moduli(PickleMixin):
-    """A positive semidefinite matrix between strain, or its rate, and stress.
+    """A positive semidefinite matrix between strain, or its rate, and stress."""
 
-    Attributes
-    ----------
-    constants : pair of float or callable, or None
-        Lame's constants, or Young's modulus and Poisson's ratio if ``technical``.
-    matrix : array, shape (v, v), callable or None
-        In place of the constants.
-    technical : bool
-    name : str
-        What it is, for messages.
-    """
-
-    constants: tuple[Number, Number] | None
-    matrix: Sequence[Sequence[float]] | Sequence[Number] | Array | Callable[[Array], object] | None
+    constants: tuple[Number, Number] | None  # lame's constants, or Young's modulus and Poisson's ratio if ``technical``
+    matrix: Sequence[Sequence[float]] | Sequence[Number] | Array | Callable[[Array], object] | None  # (v, v)
     technical: bool
-    name: str
+    name: str  # what it is, for messages
 
     def __post_init__(self) -> None:
         for value in (self.matrix, *(self.constants or ())):

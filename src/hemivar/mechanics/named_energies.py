@@ -37,12 +37,6 @@ class Hencky(NamedEnergy):
 
     The slope of ``t -> phi(t^2) t`` with ``phi(s) = 2 mu0 (q + (1 - q) / sqrt(1 + s / e0^2))``, t = |dev eps|, lies in
     ``[2 mu0 q, 2 mu0]``, and so does phi: these are the bounds of the shear.
-
-    Attributes
-    ----------
-    bulk, shear, softened, strain : float or callable
-        k, mu0, q and e0.
-    plane : PlaneState
     """
 
     bulk: Number = field(metadata=_BULK)
@@ -169,13 +163,6 @@ class Locking(NamedEnergy):
 
     The distance to the convex set is ``max(sqrt(s) - e, 0)``, or ``max(sqrt(s + p^2 / 3) - e, 0)`` for the whole
     strain. Half its square has a second derivative between 0 and 1, hence the upper bound; the lower is C itself.
-
-    Attributes
-    ----------
-    bulk, shear, stiffening, strain : float or callable
-        k, mu, beta and e.
-    measure : StrainMeasure
-    plane : PlaneState
     """
 
     bulk: Number = field(metadata=_BULK)

@@ -349,14 +349,7 @@ def refuse_inside(obstacle: Obstacle, mesh: Mesh, contact_points: Array, what: s
     So it does if the body holds its centre, if the whole body lies in it, or if a node of the body lies deeper in a
     round obstacle, or one given by its distance, than every point of the contact boundary.
 
-    Parameters
-    ----------
-    obstacle : Obstacle
-    mesh : Mesh
-    contact_points : array, shape (k, d)
-        Points of the contact boundary.
-    what : str
-        Which contact it is, for messages.
+    Shapes: ``contact_points`` (k, d).
     """
     remedy = "reverse the obstacle (inside = true), or move it out of the body"
     depth = -obstacle.distance(mesh.points)

@@ -161,13 +161,7 @@ class HeatContact(PickleMixin):
 
 @dataclass(frozen=True)
 class ContactConductance(PickleMixin):
-    """A conductance that is there where the body is pressed on: ``closed + per_pressure p^exponent`` for p > 0.
-
-    Attributes
-    ----------
-    closed, per_pressure, exponent : float
-        Not negative; the exponent positive.
-    """
+    """A conductance that is there where the body is pressed on: ``closed + per_pressure p^exponent`` for p > 0."""
 
     closed: float = field(metadata=stated(Form.NUMBER, "the conductance where there is contact"))
     per_pressure: float = field(default=0.0, metadata=stated(Form.NUMBER))

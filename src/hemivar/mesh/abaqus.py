@@ -58,11 +58,6 @@ def parse_abaqus(text: str, folder: Path) -> RawMesh:
     """The mesh in the text of an input file; files that it includes are looked for in a folder.
 
     Element sets and surfaces are groups; node sets are groups of nodes.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
     """
     reader = _Reader()
     for key, values, data in _keywords(text, Included(folder), 0):

@@ -66,11 +66,6 @@ def format_of(path: Path, start: bytes) -> str:
 def read_by_meshio(path: Path, formats: Sequence[str] = ()) -> RawMesh:
     """What a file holds, of a format that meshio reads, or of VTK, whose data are alike; by its suffix where none is
     given.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
     """
     found = _read(path, formats or _by_suffix(path))
     raw, places = _elements(found)

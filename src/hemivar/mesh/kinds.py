@@ -28,28 +28,14 @@ _LEVELS = ((0, 1, 2, 6, 7, 8), (12, 13, 14, 15, 16, 17), (3, 4, 5, 9, 10, 11))
 
 @dataclass(frozen=True)
 class Shape:
-    """What an element looks like, by the numbers of its nodes.
-
-    Attributes
-    ----------
-    name, plural : str
-    dim, corners : int
-    edges : tuple of pair
-        Corners of the edges.
-    faces : tuple of tuple
-        Corners of the faces of a solid, outward oriented.
-    children : tuple of pair
-        Shape and nodes of each part of the element cut at the middles of its edges.  After these middles come those of
-        its quadrilateral faces, in their order, and of a hexahedron itself.  Tetrahedra are cut by
-        :func:`red_tetrahedra`.
-    """
+    """What an element looks like, by the numbers of its nodes."""
 
     name: str
     plural: str
     dim: int
     corners: int
-    edges: tuple[tuple[int, int], ...] = ()
-    faces: tuple[tuple[int, ...], ...] = ()
+    edges: tuple[tuple[int, int], ...] = ()  # corners of the edges
+    faces: tuple[tuple[int, ...], ...] = ()  # corners of the faces of a solid, outward oriented
     children: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     @property
@@ -110,20 +96,11 @@ SHAPES = _shapes()
 
 @dataclass(frozen=True)
 class ElementKind:
-    """A kind of element.
+    """A kind of element."""
 
-    Attributes
-    ----------
-    name : str
-        As in meshio.
-    shape : Shape
-    nodes : int
-        Number of nodes.
-    """
-
-    name: str
+    name: str  # as in meshio
     shape: Shape
-    nodes: int
+    nodes: int  # number of nodes
 
     @property
     def dim(self) -> int:

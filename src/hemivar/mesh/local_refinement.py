@@ -38,21 +38,7 @@ _FACET_PARTS = {2: ((0, 2), (2, 1)), 3: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4,
 def refined_where(mesh: Mesh, cells: object) -> Mesh:
     """The mesh with some of its cells refined, and with as few others as conformity and good shapes ask for.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    cells : bool array (M,), or int array (k,)
-        Cells to be refined.
-
-    Returns
-    -------
-    Mesh
-        The same mesh if there are no such cells.
-
-    Raises
-    ------
-    ProblemError
-        There are no such cells, or the refined mesh does not fit into memory.
+    Shapes: ``cells`` (M,). Returned: the same mesh if there are no such cells.
     """
     chosen = _chosen(mesh, cells)
     if chosen.size == 0:

@@ -59,13 +59,7 @@ def is_msh(data: bytes) -> bool:
 
 
 def parse_msh(data: bytes) -> RawMesh:
-    """The mesh in the bytes of an MSH file.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
-    """
+    """The mesh in the bytes of an MSH file."""
     return _Reader(data).read()
 
 

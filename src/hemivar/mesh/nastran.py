@@ -52,13 +52,7 @@ def is_nastran(start: bytes) -> bool:
 
 
 def parse_nastran(text: str, folder: Path) -> RawMesh:
-    """The mesh in the text of a deck; properties are groups, files that it includes are looked for in a folder.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
-    """
+    """The mesh in the text of a deck; properties are groups, files that it includes are looked for in a folder."""
     text = _whole_deck(text, Included(folder), 0)
     names = {}
     for found in _NAMES.finditer(text):

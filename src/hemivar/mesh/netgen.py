@@ -29,13 +29,7 @@ _IN_SPACE, _PLANE = (0, 1, 2), (1, 4, 5)
 
 
 def parse_netgen(text: str) -> RawMesh:
-    """The mesh in the text of a file.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
-    """
+    """The mesh in the text of a file."""
     sections = _sections(text)
     dim = int(whole(sections.get("dimension", [["3"]])[0][:1], "dimension")[0])
     points = sections.get("points", [])

@@ -18,18 +18,10 @@ __all__ = ["Parts", "parts_of"]
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Cells of a mesh that are joined through facets.
+    """Cells of a mesh that are joined through facets."""
 
-    Attributes
-    ----------
-    count : int
-        Number of parts.
-    cell : int array (M,)
-        The part of each cell.
-    """
-
-    count: int
-    cell: IntArray
+    count: int  # number of parts
+    cell: IntArray  # (M,): the part of each cell
 
     def place(self, mesh: Mesh, part: int) -> Array:
         """A point inside a part: the middle of its largest cell, (d,)."""

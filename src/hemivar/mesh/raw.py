@@ -16,29 +16,14 @@ __all__ = ["Block", "RawMesh", "put_together"]
 
 @dataclass(frozen=True, eq=False)
 class RawMesh:
-    """What a mesh file holds, before it is a mesh.
+    """What a mesh file holds, before it is a mesh."""
 
-    Attributes
-    ----------
-    points : array, shape (N, 2 or 3)
-    cells : mapping of dimension to int array, shape (k, n)
-        Nodes of the elements, in the order of :mod:`hemivar.mesh.kinds`; what is over is filled with the first of them.
-    kinds : mapping of dimension to int array, shape (k,)
-        Kinds of the elements, by their places in ``KINDS``.
-    groups : mapping of (dimension, name) to int array, shape (k,)
-        Numbers of the elements of that dimension that belong to a named group.
-    at_nodes : mapping of name to int array, shape (k,)
-        Named groups of nodes.
-    notes : list of str
-        What the file has and could not be taken.
-    """
-
-    points: Array
-    cells: dict[int, IntArray]
-    kinds: dict[int, IntArray]
-    groups: dict[tuple[int, str], IntArray] = field(default_factory=dict)
-    at_nodes: dict[str, IntArray] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    points: Array  # (N, 2 or 3)
+    cells: dict[int, IntArray]  # (k, n): nodes of the elements, in the order of :mod:`hemivar.mesh.kinds`
+    kinds: dict[int, IntArray]  # (k,): kinds of the elements, by their places in ``KINDS``
+    groups: dict[tuple[int, str], IntArray] = field(default_factory=dict)  # (k,)
+    at_nodes: dict[str, IntArray] = field(default_factory=dict)  # (k,): named groups of nodes
+    notes: list[str] = field(default_factory=list)  # what the file has and could not be taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,20 +56,7 @@ def put_together(
 ) -> RawMesh:
     """The mesh of the nodes and elements of a file.
 
-    Parameters
-    ----------
-    ids : int array, shape (N,)
-        Numbers of the nodes in the file.
-    points : array, shape (N, 3)
-    blocks : sequence of Block
-    names : mapping of (dimension, group) to str
-    repeated : bool
-        Whether elements are repeated for each of their groups, as in format 2.
-
-    Raises
-    ------
-    ProblemError
-        If a number of a node stands for two nodes, or for none, or a coordinate is not finite.
+    Shapes: ``ids`` (N,), ``points`` (N, 3).
     """
     infinite = ~np.isfinite(points).all(axis=1)
     if infinite.any():

@@ -9,18 +9,10 @@ __all__ = ["NOT_READ", "Reading"]
 
 @dataclass(frozen=True)
 class Reading:
-    """What the reader of a mesh file did and suggests.
+    """What the reader of a mesh file did and suggests."""
 
-    Attributes
-    ----------
-    notes : tuple of str
-        How cells were converted, and what could not be taken.
-    order : int
-        The order of elements that the file suggests.
-    """
-
-    notes: tuple[str, ...] = ()
-    order: int = 1
+    notes: tuple[str, ...] = ()  # how cells were converted, and what could not be taken
+    order: int = 1  # the order of elements that the file suggests
 
 
 #: Of meshes that come from no file.

@@ -30,27 +30,14 @@ _LEAST = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Simplices:
-    """What a mesh file holds, in triangles and tetrahedra.
+    """What a mesh file holds, in triangles and tetrahedra."""
 
-    Attributes
-    ----------
-    points : array, shape (N, d)
-    cells : mapping of dimension to int array, shape (k, dimension + 1)
-    origin : mapping of dimension to int array, shape (k,)
-        The element of the file that each stems from.
-    at_nodes : mapping of name to bool array, shape (N,)
-    order : int
-        The order of elements that the file suggests.
-    notes : tuple of str
-        What was done.
-    """
-
-    points: Array
+    points: Array  # (N, d)
     cells: dict[int, IntArray]
-    origin: dict[int, IntArray]
-    at_nodes: dict[str, BoolArray]
-    order: int
-    notes: tuple[str, ...]
+    origin: dict[int, IntArray]  # (k,): the element of the file that each stems from
+    at_nodes: dict[str, BoolArray]  # (N,)
+    order: int  # the order of elements that the file suggests
+    notes: tuple[str, ...]  # what was done
 
 
 #: Elements of one shape: their nodes (k, n), and their numbers in the file.
@@ -59,13 +46,7 @@ _Parts = dict[int, list[_Part]]
 
 
 def simplices(raw: RawMesh) -> Simplices:
-    """The elements of a file as simplices.
-
-    Raises
-    ------
-    ProblemError
-        If an element is so distorted that it cannot be split, or an edge has two middles.
-    """
+    """The elements of a file as simplices."""
     dim = max(raw.cells)
     nodes = _Nodes(raw.points[:, :dim], {name: _mask(ids, len(raw.points)) for name, ids in raw.at_nodes.items()})
     parts = {of: list(_by_shape(cells, raw.kinds[of])) for of, cells in raw.cells.items()}

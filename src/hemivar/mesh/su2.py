@@ -14,13 +14,7 @@ __all__ = ["parse_su2"]
 
 
 def parse_su2(text: str) -> RawMesh:
-    """The mesh in the text of an SU2 file.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
-    """
+    """The mesh in the text of an SU2 file."""
     lines = [line for raw in text.splitlines() if (line := raw.partition("%")[0].strip())]
     points, blocks, names = np.zeros((0, 3)), list[Block](), dict[tuple[int, int], str]()
     dim, marker, place = 0, "", 0

@@ -30,13 +30,7 @@ def is_unstructured_vtk(start: bytes) -> bool:
 
 
 def parse_vtk(data: bytes) -> CellGrid:
-    """The grid in the bytes of a file.
-
-    Raises
-    ------
-    ProblemError
-        In one sentence.
-    """
+    """The grid in the bytes of a file."""
     return _Reader(data).read()
 
 

@@ -28,17 +28,7 @@ _LZMA_BYTES = 128 * 2**20
 
 
 class Packing:
-    """How the numbers of a file are packed, and how many bytes they may unpack to.
-
-    Parameters
-    ----------
-    root : Element
-        Its attributes are read.
-    appended : bytes or str
-        What is appended to the file, raw or in base64.
-    budget : int
-        Bytes.
-    """
+    """How the numbers of a file are packed, and how many bytes they may unpack to."""
 
     def __init__(self, root: Element, appended: bytes | str, budget: int) -> None:
         little = root.get("byte_order", "LittleEndian" if sys.byteorder == "little" else "BigEndian")

@@ -43,36 +43,19 @@ _WIDTHS = np.array([_KINDS.get(kind, ("", 0))[1] for kind in range(max(_KINDS) +
 
 @dataclass(frozen=True, eq=False)
 class GridBlock:
-    """Cells of one kind.
+    """Cells of one kind."""
 
-    Attributes
-    ----------
-    type : str
-        As in meshio.
-    data : int array, shape (k, n)
-        Their nodes.
-    """
-
-    type: str
-    data: IntArray
+    type: str  # as in meshio
+    data: IntArray  # (k, n): their nodes
 
 
 @dataclass(frozen=True, eq=False)
 class CellGrid:
-    """An unstructured grid, under the names of meshio.
+    """An unstructured grid, under the names of meshio."""
 
-    Attributes
-    ----------
-    points : array, shape (N, 3)
-    cells : list of GridBlock
-    point_data : mapping of name to array, shape (N, ...)
-    cell_data : mapping of name to list of array, one for each block
-    field_data : mapping of name to array
-    """
-
-    points: Array
+    points: Array  # (N, 3)
     cells: list[GridBlock]
-    point_data: dict[str, AnyArray] = field(default_factory=dict)
+    point_data: dict[str, AnyArray] = field(default_factory=dict)  # (N, ...)
     cell_data: dict[str, list[AnyArray]] = field(default_factory=dict)
     field_data: dict[str, AnyArray] = field(default_factory=dict)
 
@@ -81,22 +64,6 @@ def read_vtu(path: str | Path, what: str, most_bytes: int = 1 << 62, share: int 
     """The grid in a VTU file, in ASCII, base64 or appended, compressed by zlib or LZMA or not at all.
 
     Cells come in one block for each kind, in the order of the file within it; its pieces are put together.
-
-    Parameters
-    ----------
-    path : str or Path
-    what : str
-        What messages call the file.
-    most_bytes : int
-        Larger files are refused.
-    share : int
-        Of how many files that are read together it is one: the least that each may unpack to is divided by it.
-
-    Raises
-    ------
-    FileError
-        In one sentence that names the file: it cannot be read, is damaged or of another kind, unpacks to more than
-        256 MiB and 20 times its size, or holds polygons, polyhedra or cells of higher order than 2.
     """
     size = regular_file(path, what, most_bytes).stat().st_size
     named = f"{what} '{shown(path)}'"

@@ -48,14 +48,7 @@ _SOLVED = 1e-13
 
 
 class OwnUnknowns:
-    """Unknowns and prescribed displacements of this rank's nodes, ``U = P u + E z``.
-
-    Attributes
-    ----------
-    nodes : NodesOnRanks
-    moved : int array (k,)
-        Components ``node * d + c`` that supports may move, the nodes being those of this rank in their order.
-    """
+    """Unknowns and prescribed displacements of this rank's nodes, ``U = P u + E z``."""
 
     def __init__(self, nodes: NodesOnRanks, moved: IntArray) -> None:
         self.nodes, self.moved = nodes, moved
@@ -87,21 +80,14 @@ class OwnUnknowns:
 
 
 class OperatorOnRanks(Operator):
-    """A matrix of nodal displacements over ranks, as one over unknowns and prescribed displacements of this rank.
-
-    Parameters
-    ----------
-    matrix : petsc4py Mat
-        Along the directions of all nodes, be they held or not.
-    frame : OwnUnknowns
-    """
+    """A matrix of nodal displacements over ranks, as one over unknowns and prescribed displacements of this rank."""
 
     def __init__(self, matrix: PETSc.Mat, frame: OwnUnknowns) -> None:
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "_frame", frame)
         object.__setattr__(self, "_vectors", matrix.createVecs())
 
-    matrix: PETSc.Mat
+    matrix: PETSc.Mat  # along the directions of all nodes, be they held or not
     _frame: OwnUnknowns
     _vectors: tuple[PETSc.Vec, PETSc.Vec]
 
@@ -252,21 +238,7 @@ class StepMatricesOnRanks(StepMatrices):
 def discretize_on_ranks(
     ranks: Ranks, pieces: tuple[Piece, ...], state: Callable[[Mesh], Evolution]
 ) -> EvolutionOnRanks:
-    """Matrices, supports and contact points of an evolution over ranks, which all call this.
-
-    Parameters
-    ----------
-    ranks : Ranks
-    pieces : tuple of Piece
-        Of the mesh and the coarser ones that it is a refinement of, coarsest first.
-    state : callable
-        Makes the evolution on a mesh.
-
-    Raises
-    ------
-    ProblemError, MethodError
-        On all ranks, as :func:`assemble`.
-    """
+    """Matrices, supports and contact points of an evolution over ranks, which all call this."""
     piece = pieces[-1]
     evolution = ranks.agree(lambda: state(piece.mesh))
     if evolution.inertia and evolution.mass is Mass.REDISTRIBUTED:

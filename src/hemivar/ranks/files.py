@@ -45,13 +45,7 @@ class RankZeroFile:
 
 @contextmanager
 def one_writer(ranks: Ranks, path: Path) -> Iterator[RankZeroFile]:
-    """A file that rank 0 writes whole or not at all, see :func:`hemivar.basics.disk.whole_file`.  All ranks call this.
-
-    Raises
-    ------
-    ProblemError
-        On all ranks, after the block.
-    """
+    """A file that rank 0 writes whole or not at all, see :func:`.whole_file`.  All ranks call this."""
     stack, file, refused = ExitStack(), RankZeroFile(None), None
     if ranks.rank == 0:
         try:

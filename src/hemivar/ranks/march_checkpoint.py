@@ -26,12 +26,7 @@ _LONGEST_LINE = 1 << 20
 
 @dataclass(frozen=True)
 class CheckpointOnRanks(Checkpoint):
-    """A file that a march over ranks is kept in: a line of JSON, then what a serial checkpoint has, for every rank.
-
-    Parameters
-    ----------
-    ranks : Ranks
-    """
+    """A file that a march over ranks is kept in: a line of JSON, then what a serial checkpoint has, for every rank."""
 
     ranks: Ranks = None  # type: ignore[assignment]
 
@@ -47,13 +42,7 @@ class CheckpointOnRanks(Checkpoint):
             write_rows(self.ranks, file, np.frombuffer(data + bytes(-len(data) % 8), dtype="<f8"))
 
     def read(self, identity: str) -> MarchState | None:
-        """The march in the file, None if there is no file; all ranks call this.
-
-        Raises
-        ------
-        FileError
-            On all ranks: the file is no checkpoint, or that of another evolution, version or number of ranks.
-        """
+        """The march in the file, None if there is no file; all ranks call this."""
         ranks = self.ranks
         with ExitStack() as stack:
             found = ranks.agree(lambda: self._opened(stack) if ranks.rank == 0 else None)

@@ -99,10 +99,7 @@ def write_vtu_on_ranks(solution: Solution, path: str | Path) -> list[Path]:
     Fields are those of :func:`hemivar.files.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
     Old files are replaced once all new ones are written, the ``.pvtu`` files last.
 
-    Returns
-    -------
-    list of Path
-        The ``.pvtu`` files.
+    Returned: the ``.pvtu`` files.
     """
     return _write_pieces(body_of(solution.problem), Path(path), solution)
 
@@ -254,17 +251,6 @@ class SeriesOnRanks(Series):
 
     ``run.pvd`` and ``run_contact.pvd`` name ``run/run_000005.pvtu`` and the like, whose pieces
     ``run/run_000005_RANK.vtu`` hold the cells of one rank.
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.pvd``.
-    discrete : EvolutionOnRanks
-
-    Raises
-    ------
-    ProblemError, FileError
-        On all ranks: the name does not end in ``.pvd``; the folder cannot be made, or written to.
     """
 
     discrete: EvolutionOnRanks

@@ -159,13 +159,7 @@ Packet = tuple[Array, IntArray, IntArray, dict[str, IntArray], dict[str, IntArra
 
 
 def distribute(ranks: Ranks, mesh: Mesh | None) -> Piece:
-    """Cut a mesh that rank 0 holds into pieces of connected cells, by the partitioner of PETSc.
-
-    Parameters
-    ----------
-    mesh : Mesh or None
-        On rank 0 the mesh; it is not looked at elsewhere.
-    """
+    """Cut a mesh that rank 0 holds into pieces of connected cells, by the partitioner of PETSc."""
     packets: list[Packet] | None = None
     own = _partition(ranks, mesh)
     wanted = ranks.mpi.gather(own)

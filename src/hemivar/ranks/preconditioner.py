@@ -47,19 +47,6 @@ class Multigrid:
 
     The cycle is set up again only where other unknowns are held, or the laws have become much stiffer or softer; with
     second derivatives that are negative left out.
-
-    Parameters
-    ----------
-    body : BodyOnRanks
-    built_at : array (n,), optional
-        Where it is set up at first.
-
-    Attributes
-    ----------
-    built_at : array (n,) or None
-        Where the cycle was set up; it is a function of this place.
-    builds : int
-        How often it was set up.
     """
 
     def __init__(self, body: BodyOnRanks, built_at: Array | None = None) -> None:

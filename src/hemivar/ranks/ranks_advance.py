@@ -57,17 +57,11 @@ def stepper_on_ranks(
 
 @dataclass(frozen=True, eq=False)
 class StageSolverOnRanks(StageSolver):
-    """Solves stages over ranks.
-
-    Parameters
-    ----------
-    alarm : TimeLimit
-        Ends a solve before it is done.
-    """
+    """Solves stages over ranks."""
 
     discrete: EvolutionOnRanks
     bodies: StepMatricesOnRanks
-    alarm: TimeLimit = field(kw_only=True)
+    alarm: TimeLimit = field(kw_only=True)  # ends a solve before it is done
 
     def constant(self, stage: Stage, law: VectorLaw) -> float:
         """The constant c of a stage, as :func:`certify_on_ranks` finds it; nan where the time did not suffice."""

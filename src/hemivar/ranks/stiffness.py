@@ -20,18 +20,7 @@ __all__ = ["Stiffness", "applied"]
 
 
 class Stiffness(ContactStiffness):
-    """The matrix of a body, and the parts of it that contact points see; vectors are arrays of this rank.
-
-    Parameters
-    ----------
-    K : petsc4py Mat
-    vectors, unknown, sign, active
-        See :class:`ContactStiffness`.
-
-    Attributes
-    ----------
-    matrix_diagonal : array (n,)
-    """
+    """The matrix of a body, and the parts of it that contact points see; vectors are arrays of this rank."""
 
     def __init__(self, K: PETSc.Mat, vectors: Vectors, unknown: IntArray, sign: Array, active: BoolArray) -> None:
         super().__init__(vectors, unknown, sign, active)

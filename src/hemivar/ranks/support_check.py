@@ -73,10 +73,7 @@ def admissible_motions(
 def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> tuple[str, ...]:
     """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does; the first rank decides.
 
-    Returns
-    -------
-    tuple of str
-        What must be said of a body that is let pass.
+    Returned: what must be said of a body that is let pass.
     """
     if not admissible.shape[1]:
         return ()

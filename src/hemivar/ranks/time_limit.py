@@ -18,13 +18,7 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 
 
 class TimeLimit(Budget):
-    """A limit of time, and the signals that came, looked at by the ranks together, each having its own.
-
-    Parameters
-    ----------
-    limit : float
-        Seconds from now.
-    """
+    """A limit of time, and the signals that came, looked at by the ranks together, each having its own."""
 
     def __init__(self, limit: float = math.inf, signals: list[float] | None = None) -> None:
         super().__init__(limit)

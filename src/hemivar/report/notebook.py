@@ -85,13 +85,7 @@ def html_of(value: object) -> str:
 
 
 def picture_of(value: object) -> Figure:
-    """The picture of a value that :class:`~hemivar.basics.display.ReprMixin` has.
-
-    Raises
-    ------
-    ProblemError
-        There is nothing to draw.
-    """
+    """The picture of a value that :class:`~hemivar.basics.display.ReprMixin` has."""
     for kind, draw in _PICTURES.items():
         if isinstance(value, kind):
             return draw(value)
@@ -446,11 +440,6 @@ def frame_of(value: object) -> DataFrame:
     A path has a row for each point, a set of solutions one for each solution, a study and an adaptive solve one for
     each mesh, a sweep one for each choice of parameters; anything else has rows of ``name`` and ``value``, as a
     notebook shows it.
-
-    Raises
-    ------
-    ProblemError
-        pandas is not installed.
     """
     for kind, (record, instead) in _RECORDS.items():
         if isinstance(value, kind):

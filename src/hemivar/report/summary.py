@@ -55,20 +55,7 @@ class Summary:
 
 
 def summary_of(solution: Solution, certificate: Certificate | None = None, units: Units | None = None) -> Summary:
-    """Status, energy, warnings, what a certificate says, and forces and states on the contact boundary.
-
-    Parameters
-    ----------
-    solution : Solution
-    certificate : Certificate, optional
-        Of this solution.
-    units : Units, optional
-        What to write behind the numbers, which are not converted; those of the statement by default.
-
-    Returns
-    -------
-    Summary
-    """
+    """Status, energy, warnings, what a certificate says, and forces and states on the contact boundary."""
     if certificate is not None:
         expect(certificate, Certificate, "certificate", "give what solution.certify() returned")
     if units is not None:

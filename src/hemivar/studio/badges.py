@@ -17,20 +17,11 @@ _PROVED = "every step has one solution only"
 
 
 class Badge(NamedTuple):
-    """What stands on the page.
+    """What stands on the page."""
 
-    Attributes
-    ----------
-    level : str
-        "good", "fair" or "poor".
-    title : str
-    meaning : str
-        In a sentence or two.
-    """
-
-    level: str
+    level: str  # "good", "fair" or "poor"
     title: str
-    meaning: str
+    meaning: str  # in a sentence or two
 
 
 def badge_of(certificate: Certificate) -> Badge:

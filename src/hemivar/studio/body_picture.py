@@ -26,47 +26,21 @@ _EDGES = 20_000
 
 @dataclass(frozen=True, eq=False)
 class BodyShape:
-    """What stays while loads and laws change: the mesh, its outline and the contact points.
+    """What stays while loads and laws change: the mesh, its outline and the contact points."""
 
-    Attributes
-    ----------
-    kind : str
-        "plane", "space", or "scalar" for a scalar problem on a plane mesh, whose unknown is drawn as a height.
-    vertex : int array (n,)
-        Vertices of the mesh that are drawn: all in the plane, those of the surface in space.
-    points : array (n, 3)
-        Where they are at rest.
-    triangles : int array (k, 3)
-    lines : int array (l, 2)
-        The outline in the plane, the edges of the surface in space.
-    places, normals : arrays (m, 3)
-        Contact points at rest, and the outward normal there.
-    boundaries : list of dict
-        ``name``, ``index`` of the contact points, ``along`` the boundary, ``axis`` that it is, and whether it is a
-        ``pair``: another body is touched, and no foundation.
-    weights : array (m,)
-        Length or area of each contact point.
-    """
-
-    kind: str
-    vertex: IntArray
-    points: Array
-    triangles: IntArray
-    lines: IntArray
-    places: Array
-    normals: Array
+    kind: str  # "plane", "space", or "scalar" for a scalar problem on a plane mesh, whose unknown is drawn as a height
+    vertex: IntArray  # (n,): vertices of the mesh that are drawn: all in the plane, those of the surface in space
+    points: Array  # (n, 3): where they are at rest
+    triangles: IntArray  # (k, 3)
+    lines: IntArray  # (l, 2): the outline in the plane, the edges of the surface in space
+    places: Array  # (m, 3)
+    normals: Array  # (m, 3)
     boundaries: list[dict[str, object]]
-    weights: Array
+    weights: Array  # (m,): length or area of each contact point
 
     @classmethod
     def of(cls, problem: DiscreteProblem) -> BodyShape:
-        """The shape of a problem with a mesh.
-
-        Raises
-        ------
-        ProblemError
-            The problem was made of arrays.
-        """
+        """The shape of a problem with a mesh."""
         if problem.field is None:
             raise ProblemError(
                 "this problem was made of arrays and has no mesh to show; give one, of_arrays(..., mesh=...)"
@@ -125,13 +99,7 @@ def fields_of(
     ``penetration (n,)`` at vertices of the contact boundary and nan elsewhere, ``moved (m, 3)`` of the contact points,
     ``local (m, c)``, ``pressure`` and ``friction (m,)``, the latter the size of the vector in space, ``state (m,)``.
 
-    Parameters
-    ----------
-    shape : BodyShape
-    problem : DiscreteProblem
-    displacement : array (nodes, d)
-    local, multiplier : arrays (m, c)
-    states : ContactStates
+    Shapes: ``displacement`` (nodes, d), ``local`` (m, c), ``multiplier`` (m, c).
     """
     field, contact = problem.field, problem.contact
     assert field is not None

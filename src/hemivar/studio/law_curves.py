@@ -39,15 +39,7 @@ def curves_of(
     Where the bound of friction varies, or depends on the state, tractions are divided by the bound of their point, and
     ``bounded`` is true.
 
-    Parameters
-    ----------
-    problem : DiscreteProblem
-    local, multiplier : arrays (m, c)
-        Of an equilibrium.
-    rate : array (m, c), optional
-        Of penetration and slip, in time.
-    of_rate : bool array (m,), optional
-        Contact points whose friction is a law of the slip rate.
+    Shapes: ``local`` (m, c), ``multiplier`` (m, c), ``rate`` (m, c), ``of_rate`` (m,).
     """
     contact, law = problem.contact, problem.law
     found: list[LawCurve] = []

@@ -75,20 +75,7 @@ def module_texts() -> dict[str, str]:
 
 
 def widget_of(text: str, folder: Path, name: str) -> anywidget.AnyWidget:
-    """The widget of a problem file.
-
-    Parameters
-    ----------
-    text : str
-    folder : Path
-        Where meshes and tables that the text names are looked for.
-    name : str
-        Name of the file for downloads.
-
-    Returns
-    -------
-    AnyWidget
-    """
+    """The widget of a problem file."""
     import anywidget
     import traitlets
 

@@ -28,12 +28,6 @@ class Desk:
     """Works on the requests of one page in a thread of its own, one at a time, the newest first.
 
     A request that arrives ends the work on the one before it: after its current step, or at its next message.
-
-    Parameters
-    ----------
-    bench : Bench
-    send : callable
-        Gets every message, in the worker's thread.
     """
 
     def __init__(self, bench: Bench, send: Callable[[Message], None]) -> None:

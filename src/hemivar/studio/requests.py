@@ -55,13 +55,7 @@ class Request:
 
 
 def read_request(message: str) -> Request:
-    """A request from its JSON.
-
-    Raises
-    ------
-    ProblemError
-        The message is too long, no JSON object, or a field is missing or of the wrong kind.
-    """
+    """A request from its JSON."""
     if len(message) > MOST_CHARACTERS:
         raise ProblemError(f"a message of {len(message)} characters; a page sends at most {MOST_CHARACTERS}")
     try:

@@ -39,26 +39,9 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Slider:
-    """One number of the text.
+    """One number of the text."""
 
-    Attributes
-    ----------
-    key : str
-        Its path, joined by dots.
-    table, label : str
-        The table under which it is shown, and its name there.
-    start, end : int
-        Where it stands in the text, as its number says.
-    value, low, high, step : float
-    whole : bool
-        Whether it is a whole number.
-    meaning : str
-        What it is, in words; empty if that is not known.
-    unit : str
-        Its unit, by those of the file; empty if that is not known.
-    """
-
-    key: str
+    key: str  # its path, joined by dots
     table: str
     label: str
     start: int
@@ -67,9 +50,9 @@ class Slider:
     low: float
     high: float
     step: float
-    whole: bool
-    meaning: str = ""
-    unit: str = ""
+    whole: bool  # whether it is a whole number
+    meaning: str = ""  # what it is, in words
+    unit: str = ""  # its unit, by those of the file
 
     def record(self) -> dict[str, object]:
         """For JSON."""

@@ -97,12 +97,7 @@ class StudioPage:
 
 
 def refuse_missing() -> None:
-    """Refuse to start where the server's packages are not installed.
-
-    Raises
-    ------
-    ProblemError
-    """
+    """Refuse to start where the server's packages are not installed."""
     absent = [
         name for name in ("starlette", "uvicorn", "websockets", "tomlkit") if importlib.util.find_spec(name) is None
     ]
@@ -233,13 +228,7 @@ class _Guard:
 
 
 def bind(port: int) -> socket.socket:
-    """A socket of this machine alone.
-
-    Raises
-    ------
-    ProblemError
-        The port is taken, or none.
-    """
+    """A socket of this machine alone."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
