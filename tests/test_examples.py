@@ -267,6 +267,7 @@ def test_a_retaining_wall_slides_and_topples_where_statics_says() -> None:
     assert found["found"].carried < found["tipping"].limit_load < found["found"].not_carried
 
 
+@pytest.mark.slow
 def test_rubber_bearing_is_a_thin_film() -> None:
     """The film with Tresca's friction, integrated by hand; the free side is felt less in thinner strips."""
     forces = run("rubber_bearing")["forces"]

@@ -65,12 +65,12 @@ STARTS: Starts = {
     "report": (imported("hemivar.report"), KINDS, PICKLED, ROOM),
     "a room from within": (imported("hemivar.certificates.smallness", "hemivar", "hemivar.certificates"), KINDS),
     "every module": (imported(*MODULES), KINDS),
-    "every module from the back": (imported("hemivar", *MODULES[::-1]), KINDS),
     **{name: (f"import hemivar as hv; hv.{name}", CALLED) for name in USED},
 }
-#: The full orders that differ from those by when the package itself is named.
+#: Full orders from the back, or with the package named at another time.
 OTHER_ORDERS: Starts = {
     "nothing": ("", KINDS),
+    "every module from the back": (imported("hemivar", *MODULES[::-1]), KINDS),
     "the package, then every module": (imported("hemivar", *MODULES), KINDS),
     "every module from the back, then the package": (imported(*MODULES[::-1], "hemivar"), KINDS),
 }

@@ -117,7 +117,7 @@ def test_a_strip_whose_flux_is_not_linear_follows_the_closed_form() -> None:
 def test_the_path_of_a_membrane_over_a_foundation_ends_at_the_solution(law: object) -> None:
     """Contact over the area: a membrane pulled down onto a paraboloid, and one that is pulled off."""
     stated = hv.ScalarProblem(
-        mesh=hv.rectangle((2.0, 2.0), 6, origin=(-1.0, -1.0)),
+        mesh=hv.rectangle((2.0, 2.0), 8, origin=(-1.0, -1.0)),
         coefficient=2.0,
         area=hv.ScalarContact(law, level=Formula("0.05 - 0.4*(x^2 + y^2)"), side="below"),  # type: ignore[arg-type]
         supports=dict.fromkeys(("left", "right", "bottom", "top"), 0.0),

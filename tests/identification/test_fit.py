@@ -18,7 +18,7 @@ from hemivar.solvers import Progress
 from tests import bodies
 from tests.samples import sampled, slow
 
-from .experiments import BILINEAR, CASES, EXPONENTIAL, FORCE, TRILINEAR, Case
+from .experiments import BILINEAR, CASES, FORCE, TRILINEAR, Case
 
 #: What a fit says where its time limit ended it.
 LIMITS = (
@@ -273,7 +273,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(name: str) -> None:
 
 
 def test_values_show_themselves() -> None:
-    found = _fit(EXPONENTIAL, EXPONENTIAL.measured(0.01, 1), starts=1)
-    assert repr(found).startswith("Fit(strength = 2")
-    assert [row[0] for row in found.summary().rows] == ["strength", "length", "misfit", "intervals"]
+    found = _fit(BILINEAR, BILINEAR.measured(0.01, 1), starts=1)
+    assert repr(found).startswith("Fit(stiffness = 40")
+    assert [row[0] for row in found.summary().rows] == ["stiffness", "strength", "softening", "misfit", "intervals"]
     assert len(found.plot().axes) == 3
