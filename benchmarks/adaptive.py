@@ -28,7 +28,8 @@ from common import show
 import hemivar as hv
 from hemivar.bounds import AdaptiveSolution, exact_distance, solve_adaptive
 from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
-from hemivar.gallery import SURVEY_DATA, survey
+from hemivar.gallery import survey
+from hemivar.gallery.survey_problems import SURVEY_DATA
 
 #: Unknowns, relative bound and seconds of a uniform mesh.
 Row = tuple[int, float, float]

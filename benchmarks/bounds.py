@@ -46,6 +46,8 @@ from hemivar.bounds.patches import PatchKind
 from hemivar.bounds.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
 from hemivar.fem import interpolate
 from hemivar.fem.assembly import stiffness_matrix
+from hemivar.gallery.known import KnownProblem, weighted_block
+from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mesh import Mesh
 
@@ -124,7 +126,7 @@ def error_of(problem: hv.ContactProblem, u: Array) -> Error:
     return Error(measured, float(np.hypot(measured, apart)), solved)
 
 
-def error_of_known(known: gallery.KnownProblem, u: Array) -> Error:
+def error_of_known(known: KnownProblem, u: Array) -> Error:
     """The error against a solution in closed form, interpolated by quadratic elements."""
     mesh = known.problem.mesh.refined(2)
     fine = replace(known.problem, mesh=mesh, order=2)
@@ -158,9 +160,9 @@ def _constants_of_body(seed: int, stored: bool) -> TraceBounds:
     return constants_of(hv.discretize(_body(seed, stored).problem, check_coercivity=False))
 
 
-def gallery_problems() -> Iterator[tuple[str, Callable[[], hv.ContactProblem | gallery.KnownProblem]]]:
+def gallery_problems() -> Iterator[tuple[str, Callable[[], hv.ContactProblem | KnownProblem]]]:
     """Every problem at rest with linear elements, on one mesh or two."""
-    for data in gallery.SURVEY_DATA:
+    for data in SURVEY_DATA:
         for n, pattern in ((4, "cross"), (6, "right"), (8, "left")):
             yield f"survey {data}, 1/{n}, {pattern}", lambda d=data, n=n, p=pattern: gallery.survey(d, n, p)
         yield f"survey cube {data}, 1/3", lambda d=data: gallery.survey_cube(d, 3)
@@ -171,21 +173,21 @@ def gallery_problems() -> Iterator[tuple[str, Callable[[], hv.ContactProblem | g
     yield "delamination", lambda: gallery.delamination(2)
     yield "cantilever", gallery.beam
     for n in (2, 4, 8):
-        yield f"block under its weight, 1/{n}", lambda n=n: gallery.weighted_block(n=n)
+        yield f"block under its weight, 1/{n}", lambda n=n: weighted_block(n=n)
         yield f"manufactured, springs, 1/{n}", lambda n=n: gallery.manufactured_spring(n)
         yield f"manufactured, softening, 1/{n}", lambda n=n: gallery.manufactured_softening(n)
-    yield "block pressed down", lambda: gallery.weighted_block(n=4, top_displacement=0.2)
+    yield "block pressed down", lambda: weighted_block(n=4, top_displacement=0.2)
     for softening in (2.0, 6.0, 20.0):
         yield f"softening block {softening}", lambda s=softening: gallery.softening_block(softening=s, n=4)
     for bound in (0.3, 0.5, 1.0):
         yield f"sheared block {bound}", lambda b=bound: gallery.shear_block(b, 4, order=1)
 
 
-def judged(name: str, made: hv.ContactProblem | gallery.KnownProblem, constants: TraceBounds | None) -> dict[str, Any]:
+def judged(name: str, made: hv.ContactProblem | KnownProblem, constants: TraceBounds | None) -> dict[str, Any]:
     """One run: the bound and the error."""
     began = time.perf_counter()
-    known = made if isinstance(made, gallery.KnownProblem) else None
-    problem = made.problem if isinstance(made, gallery.KnownProblem) else made
+    known = made if isinstance(made, KnownProblem) else None
+    problem = made.problem if isinstance(made, KnownProblem) else made
     row: dict[str, Any] = {"name": name}
     discrete = hv.discretize(problem)
     solution = hv.solve(discrete)
@@ -286,7 +288,7 @@ def effectivity(options: argparse.Namespace) -> int:
     rows = []
     plane = {"none": (), "2 facets": (F, F), "1 vertices": (V,), "2 vertices": (V, V)}
     space = {"none": (), "1 facets": (F,), "1 edges": (E,), "1 vertices": (V,)}
-    for data in gallery.SURVEY_DATA:
+    for data in SURVEY_DATA:
         for dim, n in [(2, n) for n in options.sizes] + [(3, n) for n in options.space]:
             problem = gallery.survey(data, n) if dim == 2 else gallery.survey_cube(data, n)
             solution = hv.solve(problem)
@@ -399,7 +401,7 @@ def main() -> int:
     parser.add_argument(
         "--processor", action="store_true", help="of 'cost': seconds of the processor, not of the clock"
     )
-    parser.add_argument("--data", nargs="+", choices=list(gallery.SURVEY_DATA), default=["5.1"], help="of 'cost'")
+    parser.add_argument("--data", nargs="+", choices=list(SURVEY_DATA), default=["5.1"], help="of 'cost'")
     parser.add_argument("--methods", nargs="+", choices=["chosen", "newton", "multigrid"], default=["chosen"])
     parser.add_argument("--order", type=int, choices=[1, 2], default=1, help="of 'cost', in the plane")
     parser.add_argument("--what", choices=["solve", "bound"], help="of 'peak', which 'memory' runs")

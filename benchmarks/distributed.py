@@ -21,8 +21,10 @@ from petsc4py import PETSc
 
 import hemivar as hv
 from hemivar.mesh.mesh import Mesh
-from hemivar.ranks import BodyOnRanks, Ranks, assemble, family, solve_distributed, world
+from hemivar.ranks import assemble, family, solve_distributed, world
+from hemivar.ranks.body_on_ranks import BodyOnRanks
 from hemivar.ranks.preconditioner import Multigrid
+from hemivar.ranks.ranks import Ranks
 from hemivar.solvers import Controls
 
 

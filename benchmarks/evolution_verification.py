@@ -29,10 +29,13 @@ from common import machine
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.evolution import Evolution, History, March, Save, Scheme, march, marching
+from hemivar.evolution import Evolution, History, March, Save, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.march import marching
 from hemivar.evolution.stepper import TimeStepper
+from hemivar.gallery.known_evolutions import KnownEvolution
+from hemivar.gallery.moving_bodies import CANTILEVER
 from hemivar.solvers import Controls
 
 Array = np.ndarray
@@ -65,7 +68,7 @@ def series(
     return row(case, what, known, values[-1], f"{name} = " + ", ".join(f"{step:g}" for step in steps), order)
 
 
-def known_series(case: str, what: str, known: gallery.KnownEvolution, counts: Sequence[int], scheme: Scheme) -> Row:
+def known_series(case: str, what: str, known: KnownEvolution, counts: Sequence[int], scheme: Scheme) -> Row:
     """A block of the gallery in numbers of steps."""
 
     def measure(step: float) -> float:
@@ -367,7 +370,7 @@ def interpolated(mesh: hv.Mesh, values: Array, nodes: Array) -> Array:
 
 
 def d16() -> list[Row]:
-    known = gallery.CANTILEVER
+    known = CANTILEVER
     rows = []
     for inertia, name in ((True, "with mass"), (False, "without")):
         probe = Save(probes={"tip": (2.5, 0.0)})

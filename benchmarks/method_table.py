@@ -27,7 +27,7 @@ import hemivar as hv
 from hemivar import gallery, laws
 from hemivar.certificates import smallness
 from hemivar.discrete import residual
-from hemivar.solvers import suited
+from hemivar.solvers.solve import suited
 from hemivar.systems import CondensedProblem, condense
 
 BEGIN, END = "<!-- method table: begin (benchmarks/method_table.py) -->", "<!-- method table: end -->"

@@ -20,7 +20,8 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve
 
 import hemivar as hv
-from hemivar.gallery import KnownProblem, hencky_block, hencky_ring
+from hemivar.gallery import hencky_block, hencky_ring
+from hemivar.gallery.known import KnownProblem
 
 TIGHT = hv.Controls(rtol=1e-12)
 FOUNDATIONS: dict[str, tuple[Any, float]] = {

@@ -46,8 +46,9 @@ from hemivar.basics.generators import result_of
 from hemivar.certificates import certify
 from hemivar.files import history_record, solution_record
 from hemivar.files.problem_file import read_problem_file
-from hemivar.workflows import evolution_of, plan_of
+from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.workflows import march as work
+from hemivar.workflows.marching import evolution_of, plan_of
 
 ROOT = Path(__file__).resolve().parents[1]
 PROBLEMS = sorted((ROOT / "examples" / "problems").glob("*.toml"))
@@ -67,7 +68,7 @@ def stated() -> Iterator[tuple[str, Callable[[], hv.DiscreteProblem]]]:
     def of(make: Callable[[], hv.ContactProblem]) -> Callable[[], hv.DiscreteProblem]:
         return lambda: hv.discretize(make())
 
-    for data in gallery.SURVEY_DATA:
+    for data in SURVEY_DATA:
         yield f"survey {data}", of(lambda data=data: gallery.survey(data, 16))
     yield "survey cube", of(lambda: gallery.survey_cube("5.1", 4))
     yield "survey logarithmic", of(lambda: gallery.survey_logarithmic(0.3, 16))

@@ -20,10 +20,11 @@ from common import show
 import hemivar as hv
 from hemivar.gallery import survey
 from hemivar.report.tables import PAPER_TABLE_1
-from hemivar.solvers import METHODS, Controls, Solution, solve, suited, transfer_solution
+from hemivar.solvers import METHODS, Controls, Solution, solve, transfer_solution
+from hemivar.solvers.solve import suited
 from hemivar.survey.survey_runs import SURVEY_METHODS
 from hemivar.systems import Workspace, condense
-from hemivar.workflows import energy_norm_difference
+from hemivar.workflows.comparison import energy_norm_difference
 
 _DEFAULT = "newton"
 

@@ -17,7 +17,8 @@ import numpy as np
 from common import arguments, show
 
 import hemivar as hv
-from hemivar.certificates import EnergyNorm, ellipticity, smallness, trace_constants
+from hemivar.certificates import EnergyNorm, smallness
+from hemivar.certificates.smallness import ellipticity, trace_constants
 
 
 def _problem(length: float, n: int) -> hv.DiscreteProblem:

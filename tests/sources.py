@@ -14,24 +14,6 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "hemivar"
 
 
-def is_type_checking(test: ast.expr) -> bool:
-    name = test.attr if isinstance(test, ast.Attribute) else getattr(test, "id", None)
-    return name == "TYPE_CHECKING"
-
-
-def walk(node: ast.AST, function: str = "") -> Iterator[tuple[ast.stmt, str]]:
-    """Import statements and the function in which they run, "" if at import; type checking blocks are left out."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.Import | ast.ImportFrom):
-            yield child, function
-        elif isinstance(child, ast.If) and is_type_checking(child.test):
-            for other in child.orelse:
-                yield from walk(ast.Module([other], []), function)
-        else:
-            named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
-            yield from walk(child, function or (child.name if named else ""))
-
-
 @dataclass(frozen=True)
 class Source:
     """A file as it was when it was read: whoever rewrites it reads it again.
@@ -75,22 +57,6 @@ class Source:
     def room(self) -> str:
         """The first part of its name."""
         return self.name.split(".")[0]
-
-    @cached_property
-    def imports(self) -> list[tuple[str, str, int]]:
-        """Absolute names of imported modules, with the function that loads them, "" if at import, and the line."""
-        return list(self._imports())
-
-    def _imports(self) -> Iterator[tuple[str, str, int]]:
-        package = ("hemivar", *self.package.split(".")) if self.package else ("hemivar",)
-        for node, function in walk(self.tree):
-            if isinstance(node, ast.Import):
-                yield from ((alias.name, function, node.lineno) for alias in node.names)
-            elif isinstance(node, ast.ImportFrom):
-                base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
-                source = ".".join(part for part in (base, node.module or "") if part)
-                names = [f"hemivar.{alias.name}" for alias in node.names] if source == "hemivar" else [source]
-                yield from ((name, function, node.lineno) for name in names)
 
     def at(self, place: ast.stmt | ast.expr | int, what: str) -> str:
         """A finding, with its file and line."""

@@ -14,7 +14,8 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.discrete import Field
-from hemivar.fem import interpolate, interpolation_matrix, nodal_average, strain, v_norm
+from hemivar.fem import interpolate, nodal_average, strain, v_norm
+from hemivar.fem.transfer import interpolation_matrix
 from hemivar.laws import ContactLaw
 from tests.problems import discrete_square, square
 

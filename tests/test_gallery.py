@@ -7,17 +7,9 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.gallery import (
-    BEAM_DISPLACEMENTS,
-    SURVEY_DATA,
-    SurveyData,
-    beam,
-    elastic_bar,
-    elastic_bar_penetrations,
-    manufactured_spring,
-    survey,
-    weighted_block,
-)
+from hemivar.gallery import BEAM_DISPLACEMENTS, beam, elastic_bar, manufactured_spring, survey
+from hemivar.gallery.known import elastic_bar_penetrations, weighted_block
+from hemivar.gallery.survey_problems import SURVEY_DATA, SurveyData
 from hemivar.laws import Softening, ThresholdCompliance
 from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Solution, solve

@@ -11,7 +11,8 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, History, march
-from hemivar.gallery import SCREWED_ARCH_DATA, ScrewedArchData, screwed_arch, viscoelastic_beam
+from hemivar.gallery import screwed_arch, viscoelastic_beam
+from hemivar.gallery.evolution_examples import SCREWED_ARCH_DATA, ScrewedArchData
 from tests.samples import slow
 
 

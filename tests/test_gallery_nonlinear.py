@@ -11,7 +11,9 @@ from scipy.optimize import brentq
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.gallery import HenckyConstants, KnownProblem, hencky_block, hencky_ring
+from hemivar.gallery import hencky_block, hencky_ring
+from hemivar.gallery.known import KnownProblem
+from hemivar.gallery.nonlinear_bodies import HenckyConstants
 from hemivar.mechanics import Material
 
 

@@ -14,6 +14,7 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution
+from hemivar.gallery.known import KnownProblem, weighted_block
 from hemivar.mechanics.statement import ContactProblem
 
 #: What a function needs that has no standard value.
@@ -35,8 +36,8 @@ def test_every_problem_of_the_gallery_is_a_statement(name: str) -> None:
     assert isinstance(found, ManufacturedProblem) or found is stated
 
 
-@pytest.mark.parametrize("make", [gallery.weighted_block, gallery.manufactured_spring, gallery.softening_block])
-def test_a_problem_with_a_known_solution_is_solved_as_it_is(make: Callable[..., gallery.KnownProblem]) -> None:
+@pytest.mark.parametrize("make", [weighted_block, gallery.manufactured_spring, gallery.softening_block])
+def test_a_problem_with_a_known_solution_is_solved_as_it_is(make: Callable[..., KnownProblem]) -> None:
     known = make(n=4)
     found, expected = hv.solve(known), hv.solve(known.problem)
     np.testing.assert_array_equal(found.unknowns, expected.unknowns)

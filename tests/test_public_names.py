@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import pkgutil
+import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import pytest
 
 import hemivar
-from tests.sources import PACKAGE, sources
+from tests.sources import PACKAGE, ROOT, sources
 
 MODULES = [f"hemivar.{file.name}" for file in sources(PACKAGE) if file.name not in ("", "__main__")]
 
@@ -126,3 +129,27 @@ def test_names_are_the_same_after_the_other_orders() -> None:
 def test_no_module_has_the_name_of_a_public_one() -> None:
     assert not {name.removeprefix("hemivar.") for name in MODULES} & set(hemivar.__all__)
     assert "hemivar.certify" not in MODULES
+
+
+def said_as_code() -> set[str]:
+    """Words that pages, notebooks and examples write as code."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    code = [part for page in pages for part in re.findall(r"```.*?```|`[^`]+`", page.read_text(), re.DOTALL)]
+    code += [one.text for one in (*sources(ROOT, "docs", kinds=(".ipynb",)), *sources(ROOT, "examples"))]
+    return set(re.findall(r"\w+", "\n".join(code)))
+
+
+def unmentioned(rooms: Iterable[str], said: set[str]) -> list[str]:
+    """Names that rooms list and no page and no example names."""
+    lists = {room: getattr(importlib.import_module(f"hemivar.{room}"), "__all__", []) for room in rooms}
+    return [f"{room}.{name}" for room, names in lists.items() for name in names if name not in said]
+
+
+def test_a_public_name_stands_on_a_page_or_in_an_example() -> None:
+    """Else it is no name for users: who needs it inside takes it from its module."""
+    found = unmentioned((room.name for room in pkgutil.iter_modules(hemivar.__path__)), said_as_code())
+    assert len(found) <= 14, found
+
+
+def test_a_name_on_no_page_is_found() -> None:
+    assert unmentioned(("linear", "studio"), {"Hierarchy", "window"}) == ["studio.show"]

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.basics.content import content, digest_of
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.formula import Formula
 
 LEVEL = 1.0
@@ -77,7 +78,7 @@ PAIRS: dict[str, tuple[object, object]] = {
     "nesting": (((1,), 2), ((1, 2),)),
     "true and one": (True, 1),
     "options": (hv.evolution.SDIRK2(), hv.evolution.ImplicitEuler()),
-    "members": (hv.evolution.SelectionRule.LOCAL, hv.evolution.SelectionRule.STOP),
+    "members": (SelectionRule.LOCAL, SelectionRule.STOP),
     "builtin functions": (abs, max),
     "functions of numpy": (np.sin, np.cos),
     "arrays of objects": (np.array([None, "a"], dtype=object), np.array([None, "b"], dtype=object)),

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.bounds import AdaptiveSolution, solve_adaptive, solving_adaptive
+from hemivar.bounds import AdaptiveSolution, solve_adaptive
 from hemivar.bounds import adaptive as loop
+from hemivar.bounds.adaptive import solving_adaptive
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate
-from hemivar.gallery import survey, survey_cube, weighted_block
+from hemivar.gallery import survey, survey_cube
+from hemivar.gallery.known import weighted_block
 from hemivar.mesh import rectangle
 from tests import bodies
 

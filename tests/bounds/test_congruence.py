@@ -9,7 +9,8 @@ from hemivar.basics.types import IntArray
 from hemivar.bounds.body_data import BodyData, body_data
 from hemivar.bounds.compiled_patches import congruent_cells
 from hemivar.gallery.survey_problems import survey_cube
-from hemivar.kernels import alike_rows, kernels
+from hemivar.kernels import kernels
+from hemivar.kernels.mesh_sums import alike_rows
 from hemivar.mechanics import ContactProblem, Material
 from hemivar.mesh import box, rectangle
 from hemivar.mesh.keys import equal_rows

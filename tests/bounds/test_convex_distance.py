@@ -12,12 +12,13 @@ import pytest
 import hemivar as hv
 from hemivar.basics.deadline import OutOfTime
 from hemivar.basics.types import Array
-from hemivar.bounds import DistanceToExact, convex_distance
+from hemivar.bounds import convex_distance
 from hemivar.bounds.body_data import body_data
 from hemivar.bounds.contact_traces import ContactTraces, contact_traces
 from hemivar.bounds.convex_distance import BareStiffness, unknown_gaps
 from hemivar.bounds.exact_distance import exact_distance
 from hemivar.bounds.fenchel import fenchel_gap
+from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.bounds.trace_bounds import TraceBounds
 from hemivar.certificates import certify
 from hemivar.errors import MethodError

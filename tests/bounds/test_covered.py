@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.bounds import goal_named, goal_value, known_goals
+from hemivar.bounds import goal_named
 from hemivar.bounds.exact_distance import exact_distance
+from hemivar.bounds.goal_values import goal_value
+from hemivar.bounds.goals import known_goals
 from hemivar.bounds.trace_bounds import body_constants
 from hemivar.errors import HemivarError
 from hemivar.fem import FormProblem

@@ -15,8 +15,8 @@ from hemivar.bounds.trace_bounds import TraceBounds, discrete_trace_bounds, guar
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
-from hemivar.gallery import manufactured_softening, survey, survey_cube, weighted_block
-from hemivar.gallery.known import KnownProblem
+from hemivar.gallery import manufactured_softening, survey, survey_cube
+from hemivar.gallery.known import KnownProblem, weighted_block
 from hemivar.laws import (
     Capped,
     CoulombBound,

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.bounds import DistanceToExact, body_constants, distance_to_exact, exact_distance
+from hemivar.bounds import exact_distance
+from hemivar.bounds.exact_certificate import distance_to_exact
+from hemivar.bounds.stated_distance import DistanceToExact
+from hemivar.bounds.trace_bounds import body_constants
 from hemivar.gallery import survey
 
 

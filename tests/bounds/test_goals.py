@@ -11,12 +11,15 @@ import pytest
 import hemivar as hv
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
-from hemivar.bounds import GoalValue, body_constants, exact_distance, goal_named, goal_value, known_goals
+from hemivar.bounds import exact_distance, goal_named
 from hemivar.bounds.functionals import functionals
-from hemivar.bounds.trace_bounds import TraceBounds, discrete_trace_bounds
+from hemivar.bounds.goal_values import GoalValue, goal_value
+from hemivar.bounds.goals import known_goals
+from hemivar.bounds.trace_bounds import TraceBounds, body_constants, discrete_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
-from hemivar.gallery import survey, weighted_block
+from hemivar.gallery import survey
+from hemivar.gallery.known import weighted_block
 from hemivar.mesh import rectangle
 from tests import bodies
 

@@ -9,8 +9,10 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.bounds import GoalValue, goal_named, goal_value, known_goals
+from hemivar.bounds import goal_named
 from hemivar.bounds.exact_distance import exact_distance
+from hemivar.bounds.goal_values import GoalValue, goal_value
+from hemivar.bounds.goals import known_goals
 from hemivar.bounds.trace_bounds import body_constants
 from hemivar.errors import ProblemError
 from hemivar.systems.workspace import Workspace

@@ -7,9 +7,9 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.bounds import DistanceToExact
 from hemivar.bounds.body_data import body_data
 from hemivar.bounds.contact_traces import contact_traces, cut_triangle
+from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.laws import NoContact, PenetrationBound
 
 MODULUS = 1e6

@@ -21,7 +21,7 @@ from hemivar.bounds.lower_bounds import lower_bounds
 from hemivar.bounds.patches import PatchKind
 from hemivar.bounds.touching_bodies import contact_moments
 from hemivar.bounds.trace_bounds import discrete_trace_bounds, guaranteed_trace_bounds
-from hemivar.mechanics import Geometry
+from hemivar.mechanics.statement import Geometry
 from hemivar.mesh.mesh import Mesh
 from tests.samples import sampled
 

@@ -18,7 +18,8 @@ from hemivar.bounds.trace_bounds import discrete_trace_bounds, guaranteed_trace_
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.fem.transfer import interpolate
-from hemivar.gallery import manufactured_softening, survey, weighted_block
+from hemivar.gallery import manufactured_softening, survey
+from hemivar.gallery.known import weighted_block
 from hemivar.laws import (
     Compliance,
     PiecewiseQuadratic,

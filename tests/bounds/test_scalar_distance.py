@@ -21,7 +21,9 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.formula import Formula
 from hemivar.laws import Superpotential
 from hemivar.laws.friction.friction_law import Friction
-from hemivar.mechanics import ScalarContact, ScalarKind, Side
+from hemivar.mechanics import ScalarContact
+from hemivar.mechanics.foundation import Side
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution
 from hemivar.workflows.study import study

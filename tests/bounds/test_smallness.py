@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from hemivar.certificates import smallness, trace_constants
+from hemivar.certificates import smallness
+from hemivar.certificates.smallness import trace_constants
 from hemivar.fem import discretize
 from hemivar.gallery import survey_cube
 from hemivar.laws import Compliance, ContactLaw, Friction, Softening

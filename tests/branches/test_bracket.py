@@ -16,8 +16,9 @@ import scipy.sparse as sp
 import hemivar as hv
 from hemivar import cli
 from hemivar.basics.generators import result_of
-from hemivar.branches import BracketOptions, LoadBracket, Reached, bracketing, load_bracket
+from hemivar.branches import LoadBracket, Reached, load_bracket
 from hemivar.branches import bracket as brackets
+from hemivar.branches.bracket import BracketOptions, bracketing
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem import LoadLine
 from hemivar.laws import BenzeggaghKenane, BilinearCohesion, ContactLaw, MixedMode, ModeDependentGlue, SlipTable

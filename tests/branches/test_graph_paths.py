@@ -9,6 +9,7 @@ import scipy.sparse as sp
 import hemivar as hv
 from hemivar.branches import follow, follow_path
 from hemivar.branches.graph_chart import chart_of
+from hemivar.branches.path import PathEnd
 from hemivar.laws import ContactLaw, VectorLaw
 from tests.samples import sampled, slow
 
@@ -201,7 +202,7 @@ def test_a_path_ends_where_a_quantity_has_its_value(unit: float, name: str, valu
     problem = arrays(np.eye(2) * 12.0 / unit, np.array([-12.0, 0.0]), glue(36.0 / unit, stiffness=24.0 / unit), 2)
     size = unit if name == "max-opening" else 1.0
     path = follow_path(problem, (0.0, 0.5), until={name: value * size})
-    assert path.ended is hv.branches.PathEnd.UNTIL
+    assert path.ended is PathEnd.UNTIL
     assert path.load_factor[-1] == pytest.approx(load, rel=1e-10)
     r, lam = path.local[-1], path.multiplier[-1]
     found = -r[0, 0] if name == "max-opening" else lam[0, 0]
@@ -218,7 +219,7 @@ def test_the_value_of_an_end_is_met_on_curved_pieces(curves: str, monkeypatch: p
     value = 0.37 * float(whole.max_penetration[-1])
     path = follow_path(pair(6.0, 4.5), (0.0, 20.0), until={"max-penetration": value}, largest_step=0.1)
     assert path.max_penetration[-1] == pytest.approx(value, rel=1e-10)
-    assert path.ended is hv.branches.PathEnd.UNTIL
+    assert path.ended is PathEnd.UNTIL
 
 
 @pytest.mark.parametrize(("where", "load"), [("left", 0.3), ("right", 0.15)])

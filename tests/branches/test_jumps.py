@@ -10,7 +10,8 @@ from scipy.optimize import brentq
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import Evolution, March, descent, march, marching
+from hemivar.evolution import Evolution, March, descent, march
+from hemivar.evolution.march import marching
 from hemivar.formula import Formula
 from hemivar.solvers import solve
 from tests import bodies

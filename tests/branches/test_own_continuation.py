@@ -9,7 +9,8 @@ import pytest
 import scipy.sparse as sp
 
 import hemivar as hv
-from hemivar.branches import PathEnd, follow_path
+from hemivar.branches import follow_path
+from hemivar.branches.path import PathEnd
 from hemivar.laws import VectorLaw
 from tests.samples import sampled
 

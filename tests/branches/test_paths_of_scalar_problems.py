@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 import hemivar as hv
 from hemivar.branches import follow_path
+from hemivar.branches.path import PathEnd
 from hemivar.fem import LoadLine
 from hemivar.formula import Formula
 from tests.samples import slow
@@ -131,7 +132,7 @@ def test_the_path_of_a_membrane_over_a_foundation_ends_at_the_solution(law: obje
 def test_the_path_of_a_corner_in_antiplane_shear_ends_where_its_slip_has_a_value() -> None:
     problem, k, f, w = corner_held(L.SlipTable(6.0, [0.0, 0.1, 0.5], [1.0, 1.0, 0.2]), kind="antiplane")
     path = follow_path(problem, (0.0, 60.0), until={"max-slip": 0.3})
-    assert path.ended is hv.branches.PathEnd.UNTIL
+    assert path.ended is PathEnd.UNTIL
     assert abs(path.local[-1, -1, 1]) == pytest.approx(0.3, rel=1e-10)
     assert path.load_factor[-1] == pytest.approx((0.3 * k + 0.6 * 6.0 * w) / f, rel=1e-9)
     assert len(path.folds) == 1

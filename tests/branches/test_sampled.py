@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hemivar.branches import find_solutions
-from hemivar.certificates import Certificate, PointKind, certify, one_solution, smallness
+from hemivar.certificates import Certificate, PointKind, certify, smallness
+from hemivar.certificates.smallness import one_solution
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, PenetrationBound, Superpotential
 from hemivar.solvers import solve

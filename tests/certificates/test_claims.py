@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.certificates import Certificate, PointKind, Smallness, certify
+from hemivar.certificates import Certificate, PointKind, certify
+from hemivar.certificates.smallness import Smallness
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
     Capped,

@@ -9,8 +9,8 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.certificates import EnergyNorm, PointKind, certify, equilibrium_multiplier, norms
-from hemivar.certificates.bound import Point, gram_solve, lift, symmetric_inverse
+from hemivar.certificates import EnergyNorm, PointKind, certify, norms
+from hemivar.certificates.bound import Point, equilibrium_multiplier, gram_solve, lift, symmetric_inverse
 from hemivar.certificates.by_multigrid import SolveByCycles, Subspace
 from hemivar.certificates.kind import study
 from hemivar.discrete import DiscreteProblem

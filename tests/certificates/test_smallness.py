@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from hemivar.certificates import EnergyNorm, bound, ellipticity, one_solution, smallness, trace_constants
+from hemivar.certificates import EnergyNorm, bound, smallness
 from hemivar.certificates.bound import Point, error_bound
+from hemivar.certificates.smallness import ellipticity, one_solution, trace_constants
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix

@@ -11,8 +11,9 @@ import scipy.sparse.linalg as spla
 
 import hemivar as hv
 from hemivar.certificates import energy_norm, norms, smallness
-from hemivar.discrete import DiscreteProblem, Loading, Model, Space
+from hemivar.discrete import DiscreteProblem, Model, Space
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.loading import Loading
 from hemivar.systems import Workspace, body_on_levels, elimination
 from tests.problems import bar, square
 

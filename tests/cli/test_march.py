@@ -17,7 +17,8 @@ from hemivar import cli
 from hemivar.cli import main
 from hemivar.errors import FileError
 from hemivar.evolution import Checkpoint
-from hemivar.files import read_film, read_history_table
+from hemivar.files.film import read_film
+from hemivar.files.history_table import read_history_table
 
 STATIC = """\
 title = "block"

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hemivar.cli import main
-from hemivar.files import read_film, read_history_table
+from hemivar.files.film import read_film
+from hemivar.files.history_table import read_history_table
 
 
 def test_the_command_marches_a_problem_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

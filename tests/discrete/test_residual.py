@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hemivar.certificates import PointKind, certify
-from hemivar.discrete import DiscreteProblem, Residual, residual
-from hemivar.discrete.residual import LoadScale, contact_compliance, resting_multiplier
+from hemivar.discrete import DiscreteProblem, residual
+from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, resting_multiplier
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import (
     Compliance,

@@ -12,7 +12,8 @@ from skfem.models.poisson import laplace, unit_load
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.discrete import Bulk, ContactPoints, DiscreteProblem, Field, Loading, Model, Quadratic, Space
+from hemivar.discrete import Bulk, ContactPoints, DiscreteProblem, Field, Model, Quadratic, Space
+from hemivar.discrete.loading import Loading
 from hemivar.laws import ContactLaw
 from tests import bodies
 

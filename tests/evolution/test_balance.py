@@ -11,6 +11,7 @@ import hemivar as hv
 from hemivar.evolution import Evolution, History, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.stage_solver import StageSolution, StageSolver
 from hemivar.evolution.stepper import TimeStepper
@@ -81,9 +82,7 @@ def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, mon
     first = advance.take(initial_moment(advance, 0.01), 0.01).moment
 
     class Wrong(StageSolver):
-        def solution(
-            self, stage: Stage, initial: Solution | None, jump: hv.evolution.SelectionRule, size: float
-        ) -> StageSolution:
+        def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule, size: float) -> StageSolution:
             found = super().solution(stage, initial, jump, size).solution
             return StageSolution(dataclasses.replace(found, unknowns=found.unknowns * (1.0 + off)))
 

@@ -14,8 +14,9 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
-from hemivar.evolution import Checkpoint, Frame, Row, march
+from hemivar.evolution import Checkpoint, march
 from hemivar.evolution.digest import differences
+from hemivar.evolution.history import Frame, Row
 from hemivar.evolution.march_state import MarchState
 from hemivar.evolution.state import (
     ContactForce,

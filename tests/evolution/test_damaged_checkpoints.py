@@ -16,7 +16,8 @@ import hemivar as hv
 from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.types import AnyArray
 from hemivar.errors import FileError
-from hemivar.evolution import Evolution, March, march, marching
+from hemivar.evolution import Evolution, March, march
+from hemivar.evolution.march import marching
 from tests import bodies
 
 Head = dict[str, Any]

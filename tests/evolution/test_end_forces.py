@@ -13,7 +13,6 @@ from hemivar.evolution import (
     BDF2,
     SDIRK2,
     Evolution,
-    Frame,
     GeneralizedAlpha,
     History,
     ImplicitEuler,
@@ -22,7 +21,8 @@ from hemivar.evolution import (
     Newmark,
     Scheme,
     march,
-)  # fmt: skip
+)
+from hemivar.evolution.history import Frame
 from hemivar.laws.memory import PenetrationMemory
 
 MASSLESS = (ImplicitEuler(), Midpoint(), Midpoint(conserving=True), BDF2(), SDIRK2())

@@ -13,7 +13,8 @@ from skfem.helpers import ddot, div, dot, sym_grad, trace
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import Evolution, History, Mass, Midpoint, Newmark, march
+from hemivar.evolution import Evolution, History, Midpoint, Newmark, march
+from hemivar.evolution.evolution_problem import Mass
 from hemivar.fem import FormBody, FormProblem
 from hemivar.laws import NoContact
 from tests.fem.test_forms import LAM, MU, elastic, grid, incompressible, taylor_hood

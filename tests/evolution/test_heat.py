@@ -12,7 +12,7 @@ import hemivar as hv
 from hemivar.errors import FileError
 from hemivar.evolution import Evolution, march
 from hemivar.fem.thermal_stress import cell_thermal_stress, stress_per_degree, thermal_matrix
-from hemivar.mechanics import ScalarKind
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.thermal import Heat, HeatContact
 from tests import bodies
 

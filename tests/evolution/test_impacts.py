@@ -9,19 +9,9 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import (
-    Evolution,
-    GeneralizedAlpha,
-    March,
-    Midpoint,
-    MoreauJean,
-    Newmark,
-    Save,
-    Scheme,
-    march,
-    marching,
-)
+from hemivar.evolution import Evolution, GeneralizedAlpha, March, Midpoint, MoreauJean, Newmark, Save, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.march import marching
 from hemivar.gallery import bouncing_block, moving_bar
 from tests import bodies
 

@@ -14,9 +14,10 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
-from hemivar.evolution import Evolution, History, March, Save, Scheme, Touch, When, march, marching
+from hemivar.evolution import Evolution, History, March, Save, Scheme, Touch, When, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.march import marching
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.formula import Formula, FormulaArray
 from hemivar.solvers import Controls

@@ -15,7 +15,7 @@ from hemivar.evolution.history import History
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.stage_solver import predicted_contact
 from hemivar.systems.body import Body
-from hemivar.systems.contact_moves import smooth_components
+from hemivar.systems.newton_equation import smooth_components
 from tests import bodies
 
 TIGHT = hv.Controls(rtol=1e-10)

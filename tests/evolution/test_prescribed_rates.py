@@ -16,9 +16,10 @@ from scipy.linalg import null_space
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import Checkpoint, Evolution, March, Scheme, march, marching
+from hemivar.evolution import Checkpoint, Evolution, March, Scheme, march
 from hemivar.evolution.discrete import ExternalData, discretize_evolution
 from hemivar.evolution.initial import apply_impulse, velocity_discontinuity
+from hemivar.evolution.march import marching
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.thermal_stepper import ThermalStepper, stepper_of
 from hemivar.formula import Formula

@@ -13,10 +13,11 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Mass, Save, march, marching
+from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Save, march
 from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.initial import initial_moment
-from hemivar.evolution.march import Backend
+from hemivar.evolution.march import Backend, marching
 from hemivar.evolution.margin import step_error
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState

@@ -13,7 +13,7 @@ from hemivar.errors import FileError
 from hemivar.evolution import Evolution, march
 from hemivar.evolution.discrete import StepMatrices, discretize_evolution
 from hemivar.fem.hierarchy import family_of
-from hemivar.mechanics import ScalarKind
+from hemivar.mechanics.material_words import ScalarKind
 
 MESH = hv.rectangle((1.0, 1.0), 4)
 STOP = hv.ScalarContact(hv.Signorini(), 0.1)

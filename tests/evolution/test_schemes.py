@@ -26,8 +26,6 @@ from hemivar.evolution import (
     march,
 )
 from hemivar.gallery import (
-    CANTILEVER,
-    KnownEvolution,
     bar_on_wall,
     bonded_block,
     moving_bar,
@@ -37,6 +35,8 @@ from hemivar.gallery import (
     viscoelastic_cantilever,
     wearing_block,
 )
+from hemivar.gallery.known_evolutions import KnownEvolution
+from hemivar.gallery.moving_bodies import CANTILEVER
 from tests import bodies
 from tests.samples import slow
 

@@ -10,7 +10,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.discrete import DiscreteProblem, Potential
+from hemivar.discrete import DiscreteProblem
+from hemivar.discrete.potential import Potential
 from hemivar.fem import discretize
 from hemivar.fem.fields import stress, von_mises
 from hemivar.mechanics.material import Material

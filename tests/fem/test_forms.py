@@ -14,7 +14,8 @@ from skfem.helpers import dd, ddot, div, dot, grad, sym_grad, trace
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.fem import FormBody, MixedBulk
+from hemivar.fem import FormBody
+from hemivar.fem.mixed_bulk import MixedBulk
 
 LAM, MU = 1.2, 0.8
 

@@ -13,7 +13,8 @@ from hemivar.fem import discretize
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.near_kernel import rigid_motions
 from hemivar.laws import ThresholdCompliance, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Support
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material
+from hemivar.mechanics.conditions import Support
 from hemivar.mesh import Mesh, box, rectangle
 
 from ..mesh.meshes import cube

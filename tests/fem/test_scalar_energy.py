@@ -12,7 +12,7 @@ from hemivar.discrete.contact import selects
 from hemivar.errors import SupportError
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.reactions import nodal_contact_forces
-from hemivar.mechanics import Side
+from hemivar.mechanics.foundation import Side
 from hemivar.mesh import Mesh
 
 MESH = hv.rectangle((1.0, 1.0), 4)

@@ -12,7 +12,8 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.fem import gradient
-from hemivar.mechanics import GradientEnergy, PowerLaw, SaturatingFlux
+from hemivar.mechanics import PowerLaw, SaturatingFlux
+from hemivar.mechanics.gradient_energy import GradientEnergy
 
 ENERGIES = [PowerLaw(4.0, 0.3, 1.5), PowerLaw(1.5, 0.1, 2.0, 3.0), SaturatingFlux(2.0, 0.25, 0.5)]
 FLAT = PowerLaw(2.0, 0.1, 1.0, 3.0)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.files import read_film, solution_record
+from hemivar.files import solution_record
+from hemivar.files.film import read_film
 from hemivar.files.snapshot import moving_states
 from hemivar.solvers.contact_states import KINDS, state_words
 from tests import bodies

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import FileError
-from hemivar.files import read_film
+from hemivar.files.film import read_film
 from tests.robustness.vtu import Grid, plate, write_vtu
 
 NODES = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

@@ -18,10 +18,12 @@ import hemivar as hv
 from hemivar.basics.csv_text import csv_text
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
-from hemivar.evolution import Evolution, History, March, Save, march, marching
+from hemivar.evolution import Evolution, History, March, Save, march
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.files import history_table, read_film, read_history_table
-from hemivar.files.history_table import HISTORY_FILES
+from hemivar.evolution.march import marching
+from hemivar.files import history_table
+from hemivar.files.film import read_film
+from hemivar.files.history_table import HISTORY_FILES, read_history_table
 from hemivar.files.series import Series
 from hemivar.files.snapshot import moving_states, snapshot
 from hemivar.linear.vectors import Whole

@@ -11,7 +11,8 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.files.problem_file import parse_problem
-from hemivar.mechanics import Obstacle, Plane, Sphere
+from hemivar.mechanics import Plane, Sphere
+from hemivar.mechanics.obstacles import Obstacle
 from hemivar.mesh import Mesh
 from tests.mechanics.test_obstacles import block
 from tests.mesh.meshes import cube

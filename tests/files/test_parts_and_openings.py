@@ -11,7 +11,7 @@ import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.files import read_problem_file
 from hemivar.files.changes import read_change
-from hemivar.mesh import msh_text
+from hemivar.mesh.write import msh_text
 from tests.mesh.test_parts_and_openings import between
 
 FILE = """

@@ -11,8 +11,9 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
-from hemivar.files import read_json, read_solution, solution_record, write_csv, write_json, write_vtu
+from hemivar.files import read_solution, solution_record, write_csv, write_json, write_vtu
 from hemivar.files.boundary import contact_boundaries
+from hemivar.files.record import read_json
 from hemivar.gallery import beam, survey_cube
 from hemivar.laws import Compliance, Signorini
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Quadrature, Sphere

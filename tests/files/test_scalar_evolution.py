@@ -11,7 +11,7 @@ import hemivar as hv
 from hemivar.evolution import Evolution, march
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem_file
-from hemivar.mechanics import ScalarKind
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.workflows.marching import evolution_of
 from tests.cli.test_scalar_march import FILE
 from tests.evolution.test_scalar_evolution import MESH, membrane

@@ -17,7 +17,8 @@ from hemivar import gallery
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import parse_problem
 from hemivar.formula import Formula, FormulaArray
-from hemivar.mechanics import ScalarKind, Side
+from hemivar.mechanics.foundation import Side
+from hemivar.mechanics.material_words import ScalarKind
 from tests.samples import slow
 
 FILE = """\

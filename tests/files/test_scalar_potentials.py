@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import hemivar as hv
-from hemivar.discrete import Potential
+from hemivar.discrete.potential import Potential
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from tests.fem.test_scalar_potentials import ENERGIES, membrane

@@ -12,7 +12,8 @@ import pytest
 
 from hemivar.basics.stated import Form, keys_of, stated, stated_fields
 from hemivar.errors import ProblemError
-from hemivar.evolution import SCHEMES, March, Save
+from hemivar.evolution import March, Save
+from hemivar.evolution.schemes import SCHEMES
 from hemivar.files.not_expressible import difference
 from hemivar.files.schema import decode, encode, rows_of
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
@@ -21,7 +22,7 @@ from hemivar.formula import Formula
 from hemivar.mechanics import Pressure
 from hemivar.mechanics.statement import Contact, ContactProblem
 from hemivar.mechanics.thermal import Heat, HeatContact
-from hemivar.mesh import MeshRecipe
+from hemivar.mesh.recipe import MeshRecipe
 
 DOCS = Path(__file__).parents[2] / "docs"
 #: Page and heading, the classes whose fields stand below, and whether their table has a column of defaults.

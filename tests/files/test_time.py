@@ -19,7 +19,8 @@ from hemivar.files.settings import OutputSettings, TimeSettings
 from hemivar.formula import Formula, FormulaArray
 from hemivar.laws.memory import MemoryChain, Secant
 from hemivar.mechanics.moduli import Moduli
-from hemivar.mesh import Mesh, msh_text, rectangle
+from hemivar.mesh import Mesh, rectangle
+from hemivar.mesh.write import msh_text
 
 PARTS = {
     "mesh": "rectangle = [1.0, 1.0]\ncells = [4, 4]",

@@ -23,6 +23,8 @@ from hemivar.files.problem_file import parse_problem_file, read_problem_file
 from hemivar.files.settings import SolverSettings
 from hemivar.files.toml import text_of
 from hemivar.formula import Formula, FormulaArray
+from hemivar.gallery.known import KnownProblem, weighted_block
+from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, friction_law, normal_law
 from hemivar.mesh import Mesh, box, read_mesh, rectangle
 
@@ -92,10 +94,10 @@ def test_every_example_comes_back(path: Path, tmp_path: Path) -> None:
 
 
 GALLERY: dict[str, Callable[[], hv.ContactProblem]] = {
-    **{f"survey {name}": lambda name=name: gallery.survey(name, 4) for name in gallery.SURVEY_DATA},  # type: ignore[misc]
+    **{f"survey {name}": lambda name=name: gallery.survey(name, 4) for name in SURVEY_DATA},  # type: ignore[misc]
     "survey cube": lambda: gallery.survey_cube("5.1", 2),
-    "weighted block": lambda: gallery.weighted_block(n=2).problem,
-    "patch": lambda: gallery.weighted_block(n=2, top_displacement=0.1).problem,
+    "weighted block": lambda: weighted_block(n=2).problem,
+    "patch": lambda: weighted_block(n=2, top_displacement=0.1).problem,
     "beam": gallery.beam,
     "broken foundation": lambda: gallery.broken_foundation(2),
     "delamination": lambda: gallery.delamination(2),
@@ -120,7 +122,7 @@ def test_every_statement_of_the_gallery_comes_back(name: str, tmp_path: Path) ->
     [gallery.manufactured_spring, gallery.manufactured_softening, gallery.shear_block],
     ids=["spring", "softening", "shear"],
 )
-def test_statements_with_python_functions_are_refused(make: Callable[[], gallery.KnownProblem], tmp_path: Path) -> None:
+def test_statements_with_python_functions_are_refused(make: Callable[[], KnownProblem], tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=r"is the Python function .*, which a problem file cannot express"):
         hv.write_problem(make().problem, tmp_path / "p.toml")
     assert list(tmp_path.iterdir()) == []
@@ -327,7 +329,7 @@ def test_random_statements_give_the_same_discrete_problem(folder: Path, data: st
 def test_a_mesh_of_a_file_is_named_from_where_the_problem_file_lies(tmp_path: Path) -> None:
     mesh_file = tmp_path / "meshes" / "body.msh"
     mesh_file.parent.mkdir()
-    from hemivar.mesh import msh_text
+    from hemivar.mesh.write import msh_text
 
     mesh_file.write_text(msh_text(rectangle((2.0, 1.0), 3)), encoding="utf-8")
     (tmp_path / "deep").mkdir()

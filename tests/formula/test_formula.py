@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hemivar.errors import ProblemError
-from hemivar.formula import FUNCTIONS, Formula, FormulaArray, ScalarFormula
+from hemivar.formula import Formula, FormulaArray
+from hemivar.formula.formula import ScalarFormula
+from hemivar.formula.reader import FUNCTIONS
 
 POINTS = np.random.default_rng(1).uniform(0.1, 2.0, (7, 2))
 X, Y = POINTS.T

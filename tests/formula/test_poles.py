@@ -11,7 +11,8 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, march
-from hemivar.formula import Formula, FormulaArray, ScalarFormula
+from hemivar.formula import Formula, FormulaArray
+from hemivar.formula.formula import ScalarFormula
 from hemivar.formula.poles import pole_of_pieces
 from hemivar.formula.smooth import SmoothFormula
 from hemivar.laws import CoupledFormulaLaw, FormulaLaw, PenetrationBound

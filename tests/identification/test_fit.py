@@ -12,7 +12,8 @@ import pytest
 import hemivar as hv
 from hemivar.basics import deadline
 from hemivar.errors import ProblemError
-from hemivar.identification import Fit, FitOptions, Measurements, Parameter
+from hemivar.identification import FitOptions, Measurements
+from hemivar.identification.fit import Fit, Parameter
 from hemivar.solvers import Progress
 from tests import bodies
 from tests.samples import sampled, slow

@@ -9,7 +9,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.identification import Experiment, derivative_by_law
+from hemivar.identification.experiment import Experiment
+from hemivar.identification.sensitivity import derivative_by_law
 from hemivar.laws import ContactLaw, VectorLaw
 
 from .experiments import CASES, Case

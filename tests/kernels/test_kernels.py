@@ -18,8 +18,9 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.discrete.contact import contact_unknowns
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.kernels import kernels, mesh_edges, threads
+from hemivar.kernels import kernels, threads
 from hemivar.kernels import library as library_module
+from hemivar.kernels.mesh_sums import mesh_edges
 from hemivar.linear import Hierarchy
 from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
 from hemivar.linear.krylov import conjugate_gradients

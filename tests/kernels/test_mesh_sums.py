@@ -15,7 +15,8 @@ from hemivar.fem.assembly import stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw, elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import NodalEnergy
-from hemivar.kernels import BlockGraph, kernels, mesh_edges
+from hemivar.kernels import kernels
+from hemivar.kernels.mesh_sums import BlockGraph, mesh_edges
 from hemivar.mesh import Mesh, box, rectangle
 from hemivar.mesh.keys import EDGES, distinct_pairs
 

@@ -13,8 +13,9 @@ import pytest
 import hemivar as hv
 from hemivar.basics.arguments import one_of
 from hemivar.basics.stated import CheckedFields, kept
-from hemivar.mechanics import Branch, Cylinder, PlaneState, Pressure, conditions
+from hemivar.mechanics import Branch, Cylinder, Pressure, conditions
 from hemivar.mechanics.conditions import DataField
+from hemivar.mechanics.material_words import PlaneState
 
 
 def test_a_value_is_checked_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import Material, PlaneState
+from hemivar.mechanics import Material
+from hemivar.mechanics.material_words import PlaneState
 
 POINTS = np.array([[0.0, 0.0], [1.0, 0.5], [0.2, 0.9]])
 POINTS_3D = np.column_stack([POINTS, [0.0, 1.0, 2.0]])

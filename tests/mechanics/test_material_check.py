@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.mechanics import InvariantEnergy, Invariants, IsotropicBounds, Material, MaterialError, check_material
+from hemivar.mechanics import InvariantEnergy, Invariants, IsotropicBounds, Material, check_material
+from hemivar.mechanics.material_check import MaterialError
 from hemivar.mechanics.material_words import PlaneState
 
 Regions = Mapping[str, BoolArray] | None

@@ -13,8 +13,9 @@ import scipy.optimize
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.mechanics import BoundsBy, Material, check_material
+from hemivar.mechanics import Material, check_material
 from hemivar.mechanics.composed_material import lower_elasticity
+from hemivar.mechanics.material_words import BoundsBy
 
 BULK, SHEAR = 20 / 3, 4.0
 HENCKY = "10/3*tr^2 + 4*(0.25*dev2 + 2*0.75*0.05^2*(sqrt(1 + dev2/0.05^2) - 1))"

@@ -20,13 +20,13 @@ from hemivar.mechanics import (
     Cylinder,
     Material,
     Normals,
-    Obstacle,
     Plane,
     Prescribed,
     Quadrature,
     SignedDistance,
     Sphere,
 )
+from hemivar.mechanics.obstacles import Obstacle
 from hemivar.mesh import rectangle
 from hemivar.solvers import solve
 from tests import bodies

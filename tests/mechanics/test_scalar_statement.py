@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.mechanics import ScalarKind, Side
+from hemivar.mechanics.foundation import Side
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mesh import Mesh
 
 MESH = hv.rectangle((1.0, 1.0), 4)

@@ -20,7 +20,6 @@ from hemivar.mechanics import (
     Fixed,
     Material,
     Normals,
-    Obstacle,
     Plane,
     Prescribed,
     Pressure,
@@ -28,8 +27,9 @@ from hemivar.mechanics import (
     Roller,
     SignedDistance,
     Sphere,
-    Support,
 )
+from hemivar.mechanics.conditions import Support
+from hemivar.mechanics.obstacles import Obstacle
 from hemivar.mesh import Mesh, box, rectangle
 from tests import bodies
 

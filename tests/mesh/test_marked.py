@@ -7,8 +7,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
-from hemivar.formula import Condition
-from hemivar.mesh import Marking
+from hemivar.formula.condition import Condition
+from hemivar.mesh.recipe import Marking
 
 
 @pytest.mark.parametrize(

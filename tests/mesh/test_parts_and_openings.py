@@ -13,7 +13,7 @@ import pytest
 import hemivar as hv
 from hemivar import Mesh
 from hemivar.errors import ProblemError
-from hemivar.mesh import msh_text
+from hemivar.mesh.write import msh_text
 
 
 def checked(mesh: Mesh) -> Mesh:

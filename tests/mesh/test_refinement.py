@@ -10,7 +10,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
-from hemivar.mesh import Mesh, Refinement, box, rectangle
+from hemivar.mesh import Mesh, box, rectangle
+from hemivar.mesh.refine import Refinement
 
 from .meshes import cube
 

@@ -5,7 +5,8 @@ import sys
 from typing import Any
 
 from hemivar.mesh.mesh import Mesh
-from hemivar.ranks import BodyOnRanks, assemble, family, solve_distributed, world
+from hemivar.ranks import assemble, family, solve_distributed, world
+from hemivar.ranks.body_on_ranks import BodyOnRanks
 from hemivar.ranks.petsc_engine import all_or_none
 from tests.ranks.benchmark_problems import PROBLEMS, RTOL
 

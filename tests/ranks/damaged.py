@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 from hemivar.errors import HemivarError
-from hemivar.ranks import read_checkpoint, world
+from hemivar.ranks import world
+from hemivar.ranks.checkpoint import read_checkpoint
 from hemivar.ranks.petsc_engine import all_or_none
 from tests.ranks.stated import body_of_file
 

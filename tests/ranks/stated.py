@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from hemivar.cli.session import Session
-from hemivar.ranks import BodyOnRanks
-from hemivar.ranks.discrete_on_ranks import body_of
+from hemivar.ranks.body_on_ranks import BodyOnRanks, body_of
 from hemivar.ranks.petsc_engine import PetscEngine
 
 __all__ = ["body_of_file"]

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from hemivar.cli import main
-from hemivar.files import read_film, read_history_table
+from hemivar.files.film import read_film
+from hemivar.files.history_table import read_history_table
 from tests.ranks.running import environment, mpirun
 
 pytest.importorskip("petsc4py")

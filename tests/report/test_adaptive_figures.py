@@ -12,13 +12,15 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.rounding import rounded_up
-from hemivar.bounds import AdaptiveEnd, AdaptiveSolution, adaptive
+from hemivar.bounds import AdaptiveSolution, adaptive
+from hemivar.bounds.adaptive_end import AdaptiveEnd
 from hemivar.bounds.exact_certificate import statement_of
 from hemivar.bounds.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.files import write_vtu
 from hemivar.gallery import survey, survey_cube
-from hemivar.report import adaptive_table, plot_adaptive, plot_meshes, save
+from hemivar.report import plot_adaptive, plot_meshes, save
+from hemivar.report.tables import adaptive_table
 from tests import bodies
 
 from .test_figures import texts

@@ -21,6 +21,7 @@ from hemivar.basics.display import ReprMixin
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey
 from hemivar.report.notebook import picture_of
+from hemivar.workflows.sweep import SweepAxis
 from tests.problems import bar
 from tests.report.test_notebook import Reader, picture_size, shown
 from tests.samples import sampled
@@ -200,7 +201,7 @@ def test_whether_a_problem_has_one_solution_stands_beside_it() -> None:
 
 def test_a_long_sweep_is_shown_in_part(values: dict[str, Any]) -> None:
     points = tuple(replace(point, place=(k,)) for k in range(23) for point in values["sweep"].points[:1])
-    found = replace(values["sweep"], axes=(hv.workflows.SweepAxis("q_max", tuple(range(23))),), points=points)
+    found = replace(values["sweep"], axes=(SweepAxis("q_max", tuple(range(23))),), points=points)
     page = Reader(found._repr_html_())
     assert page.tags.count("tr") == 21
     assert "and 3 more rows" in page.texts

@@ -34,9 +34,9 @@ from hemivar.laws import (
 )
 from hemivar.mechanics import Clamped, Contact, ContactProblem
 from hemivar.mesh import rectangle
-from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
+from hemivar.report import Arrows, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.bodies import painted, plot_problem
-from hemivar.report.deformed import DeformedBody
+from hemivar.report.deformed import BodyColour, DeformedBody
 from hemivar.report.drawn_body import mesh_lines
 from hemivar.report.law_figures import law_captions
 from hemivar.solvers import Controls, Solution, Status, solve

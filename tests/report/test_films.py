@@ -16,14 +16,12 @@ from hemivar.basics.types import Array
 from hemivar.cli import main
 from hemivar.errors import ProblemError
 from hemivar.evolution import History
-from hemivar.files import film_of, read_film
-from hemivar.files.film import Film, FilmFrame
+from hemivar.files.film import Film, FilmFrame, film_of, read_film
 from hemivar.report import animate
 from hemivar.report.animation import write_gif
 from hemivar.report.film_pictures import FilmColour, PlanePicture, SolidPicture
 from hemivar.report.style import BLUE
-from hemivar.solvers import ContactStates
-from hemivar.solvers.contact_states import KINDS
+from hemivar.solvers.contact_states import KINDS, ContactStates
 from tests import bodies
 from tests.samples import slow
 

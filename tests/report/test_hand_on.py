@@ -9,7 +9,8 @@ import meshio
 import numpy as np
 import pytest
 
-from hemivar.files import read_json, read_solution, solution_record
+from hemivar.files import read_solution, solution_record
+from hemivar.files.record import read_json
 from hemivar.solvers import Solution
 
 from .test_figures import texts

@@ -12,10 +12,11 @@ from matplotlib.collections import LineCollection, QuadMesh
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, History, Save, march
-from hemivar.files import film_of, read_film, read_history_table
-from hemivar.files.history_table import history_columns
-from hemivar.report import MARCH_FIGURES, Units, animate, plot_march, save
+from hemivar.files.film import film_of, read_film
+from hemivar.files.history_table import history_columns, read_history_table
+from hemivar.report import Units, animate, plot_march, save
 from hemivar.report.animation import check_film
+from hemivar.report.march_figures import MARCH_FIGURES
 from tests import bodies
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 
 from hemivar.branches import find_solutions
-from hemivar.certificates import one_solution, smallness
+from hemivar.certificates import smallness
+from hemivar.certificates.smallness import one_solution
 from hemivar.laws import FormulaLaw
 from hemivar.report import plot_certificate
 from hemivar.report.notebook import html_of

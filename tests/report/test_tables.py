@@ -12,9 +12,10 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import survey
-from hemivar.report import PAPER_TABLE_1, Table, comparison_table
+from hemivar.report import comparison_table
+from hemivar.report.tables import PAPER_TABLE_1, Table
 from hemivar.solvers import METHODS, Solution, solve
-from hemivar.workflows import energy_norm_difference
+from hemivar.workflows.comparison import energy_norm_difference
 
 
 def test_comparison_of_methods() -> None:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.solvers import METHODS, as_method, method_for
+from hemivar.solvers import METHODS
+from hemivar.solvers.methods import as_method
+from hemivar.solvers.solve import method_for
 from tests.problems import square
 
 COULOMB = replace(square(n=4), contact={"bottom": hv.Contact(normal=hv.Signorini(), friction=hv.Coulomb(0.3))})

@@ -13,6 +13,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.errors import MethodError
 from hemivar.fem.hierarchy import Coarser
+from hemivar.gallery.survey_problems import SURVEY_DATA, SurveyData
 from hemivar.kernels import kernels
 from hemivar.laws import Superpotential
 from hemivar.mesh.mesh import Mesh
@@ -64,12 +65,12 @@ def check(statement: hv.ContactProblem, most_cycles: int = 45) -> hv.Solution:
 
 
 @pytest.mark.parametrize("pattern", ["cross", "right", "left"])
-@pytest.mark.parametrize("data", gallery.SURVEY_DATA)
+@pytest.mark.parametrize("data", SURVEY_DATA)
 def test_survey_on_built_in_meshes(data: str, pattern: str) -> None:
     check(gallery.survey(data, 32, pattern))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("data", gallery.SURVEY_DATA)
+@pytest.mark.parametrize("data", SURVEY_DATA)
 def test_survey_without_a_hierarchy_of_meshes(data: str) -> None:
     statement = gallery.survey(data, 32)
     check(replace(statement, mesh=without_parent(statement.mesh)), most_cycles=60)
@@ -100,7 +101,7 @@ def test_cube_without_a_hierarchy_of_meshes() -> None:
 @pytest.mark.parametrize("bound", [0.02, 0.05, 0.2])
 def test_cube_on_the_edge_of_slip(bound: float) -> None:
     """Friction that has hardly begun to slip is stiff across the direction of slip."""
-    statement = gallery.survey_cube(gallery.SurveyData((-0.8, -0.8), bound, 0.3, 2.0), 8)
+    statement = gallery.survey_cube(SurveyData((-0.8, -0.8), bound, 0.3, 2.0), 8)
     check(statement, most_cycles=60)
 
 

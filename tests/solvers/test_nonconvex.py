@@ -34,8 +34,8 @@ from hemivar.solvers import (
     Solution,
     Status,
     solve,
-    suited,
 )
+from hemivar.solvers.solve import suited
 from hemivar.systems import Workspace, condense
 from hemivar.systems.dense_newton import descent_direction
 from tests import bodies

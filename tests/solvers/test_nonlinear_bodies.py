@@ -18,7 +18,8 @@ from hemivar.fem import discretize
 from hemivar.laws import Friction, Superpotential
 from hemivar.mechanics.material import Material
 from hemivar.mesh import Mesh
-from hemivar.solvers import METHODS, ProximalNewton, Search, Solver, suited
+from hemivar.solvers import METHODS, ProximalNewton, Search, Solver
+from hemivar.solvers.solve import suited
 from tests.samples import sampled
 
 BULK, SHEAR, LEFT, SIZE = 20 / 3, 4.0, 0.25, 0.05

@@ -27,8 +27,9 @@ from hemivar.laws import (
     Tresca,
 )
 from hemivar.laws.friction.bounds import stack_bounds
-from hemivar.solvers import Controls, FixedPoint, LoadStepping, NonsmoothNewton, SemismoothNewton, Status, solve, suited
+from hemivar.solvers import Controls, FixedPoint, LoadStepping, NonsmoothNewton, SemismoothNewton, Status, solve
 from hemivar.solvers.newton_on_graph import NewtonCache, active_set_newton
+from hemivar.solvers.solve import suited
 from hemivar.systems.condensed import CondensedProblem, condense
 from hemivar.systems.newton_equation import Accuracy
 from tests import bodies

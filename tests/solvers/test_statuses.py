@@ -13,9 +13,10 @@ from hemivar.basics.generators import result_of
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, ThresholdCompliance, Tresca
-from hemivar.solvers import METHODS, Controls, NonsmoothNewton, Progress, Solver, Status, solve, solving
+from hemivar.solvers import METHODS, Controls, NonsmoothNewton, Progress, Solver, Status, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
+from hemivar.solvers.solve import solving
 from hemivar.systems import CondensedProblem
 
 from ..problems import bar, discrete_square

@@ -17,11 +17,12 @@ import hemivar as hv
 from hemivar.fem import nodal_average
 from hemivar.files.problem_file import parse_problem, parse_problem_file
 from hemivar.files.sample import template
-from hemivar.studio import Bench, Message, Request
 from hemivar.studio.badges import badge_of
-from hemivar.studio.binary_message import unpacked
-from hemivar.studio.jobs import MOST_CELLS
+from hemivar.studio.binary_message import Message, unpacked
+from hemivar.studio.jobs import MOST_CELLS, Bench
 from hemivar.studio.page_worker import Desk
+from hemivar.studio.requests import Request
+from hemivar.workflows.marching import evolution_of, plan_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
 
@@ -298,7 +299,7 @@ def test_an_evolution_comes_frame_by_frame_with_its_history() -> None:
     assert len(times) > 50
     history = one(messages, "history")
     assert history.head["ended"] == "finished"
-    march = hv.workflows.result_of(hv.workflows.march(hv.workflows.evolution_of(stated), hv.workflows.plan_of(stated)))
+    march = hv.workflows.result_of(hv.workflows.march(evolution_of(stated), plan_of(stated)))
     assert isinstance(march, hv.evolution.History)
     assert history.arrays["normal_force"].max() == pytest.approx(march["normal_force"].max(), rel=1e-5)
     badge = one(messages, "certificate").head

@@ -27,11 +27,12 @@ from hemivar.laws import (
 )
 from hemivar.laws.vector_law import spread
 from hemivar.mechanics import Contact
-from hemivar.solvers import NormalState, Status, TangentialState, solve, suited
+from hemivar.solvers import NormalState, Status, TangentialState, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
-from hemivar.survey import InnerSolver, NewtonKrylov, PrimalDualActiveSet
-from hemivar.survey.active_set import ExactInner, RadialSets
+from hemivar.solvers.solve import suited
+from hemivar.survey import NewtonKrylov, PrimalDualActiveSet
+from hemivar.survey.active_set import ExactInner, InnerSolver, RadialSets
 from hemivar.systems import condense
 from tests import bodies
 from tests.samples import sampled

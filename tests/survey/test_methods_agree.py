@@ -13,7 +13,8 @@ from hemivar.errors import MethodError
 from hemivar.fem import discretize
 from hemivar.gallery import survey_logarithmic
 from hemivar.mechanics import Quadrature
-from hemivar.solvers import METHODS, Controls, Solution, Status, solve, solve_nested, solving
+from hemivar.solvers import METHODS, Controls, Solution, Status, solve, solve_nested
+from hemivar.solvers.solve import solving
 from hemivar.systems import Workspace, condense
 from tests.samples import sampled
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.survey import SurveyReport, run_survey
+from hemivar.survey.survey_report import SurveyReport, run_survey
 from hemivar.workflows.events import Phase
 
 #: What a run returned and what it told on the way.

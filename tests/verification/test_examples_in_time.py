@@ -15,12 +15,13 @@ import hemivar as hv
 from hemivar.basics.generators import result_of
 from hemivar.cli import main
 from hemivar.evolution import History
-from hemivar.files import read_film, read_history_table
+from hemivar.files.film import read_film
+from hemivar.files.history_table import read_history_table
 from hemivar.files.problem_file import ProblemFile, read_problem_file
 from hemivar.files.snapshot import moving_states
 from hemivar.solvers import TangentialState
-from hemivar.workflows import evolution_of, plan_of
 from hemivar.workflows import march as work
+from hemivar.workflows.marching import evolution_of, plan_of
 
 ROOT = Path(__file__).parents[2]
 PROBLEMS = ROOT / "examples" / "problems"

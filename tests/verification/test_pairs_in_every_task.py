@@ -19,11 +19,12 @@ from hemivar.basics.types import Array
 from hemivar.branches import follow_path
 from hemivar.evolution import Evolution, march
 from hemivar.fem import LoadLine
-from hemivar.files import film_of
 from hemivar.files.changes import read_change
+from hemivar.files.film import film_of
 from hemivar.files.problem_file import parse_problem_file
 from hemivar.identification import FitOptions, Measurements
-from hemivar.studio import Bench, Request
+from hemivar.studio.jobs import Bench
+from hemivar.studio.requests import Request
 
 STIFF, STRENGTH, SOFTENING = 40.0, 0.8, 16.0
 #: Openings at which the glue is strongest, and from which on it is broken.

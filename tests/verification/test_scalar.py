@@ -17,7 +17,8 @@ from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.fem import gradient
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.mechanics import Side
+from hemivar.gallery.scalar_problems import KnownScalarProblem
+from hemivar.mechanics.foundation import Side
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution
 from hemivar.systems.body_on_levels import ElasticMultigrid
@@ -40,7 +41,7 @@ def errors(solution: Solution, exact: Callable[[Array], Array], slope: Callable[
     return square**0.5, steep**0.5
 
 
-def orders(make: Callable[[int], gallery.KnownScalarProblem], sizes: list[int]) -> tuple[Array, Array]:
+def orders(make: Callable[[int], KnownScalarProblem], sizes: list[int]) -> tuple[Array, Array]:
     found = []
     for n in sizes:
         known = make(n)

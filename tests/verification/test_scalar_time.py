@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, History, Scheme, march
-from hemivar.mechanics import ScalarKind
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mesh import Mesh
 
 ROUND = ("left", "right", "top", "bottom")

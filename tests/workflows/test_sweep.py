@@ -15,7 +15,8 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.files.changes import Change
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.report import plot_sweep, sweep_table
-from hemivar.workflows import SweepAxis, SweepEvent, SweepOptions, read_axis, result_of, sweeping
+from hemivar.workflows import SweepEvent, SweepOptions, result_of, sweeping
+from hemivar.workflows.sweep import SweepAxis, read_axis
 from tests.problem_files import block_file
 from tests.problems import bar
 

@@ -15,12 +15,14 @@ import pytest
 
 import hemivar as hv
 from hemivar import workflows
-from hemivar.branches import PathProgress, SearchProgress, find_solutions, finding, follow_path, following
+from hemivar.branches import PathProgress, SearchProgress, find_solutions, follow_path
+from hemivar.branches.follow import following
+from hemivar.branches.solutions import finding
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine
 from hemivar.gallery import survey as survey_problem
 from hemivar.solvers import Controls, NonsmoothNewton
-from hemivar.survey import SurveyEvent, SurveyOptions
+from hemivar.survey import SurveyEvent, SurveyOptions, survey
 from hemivar.workflows import (
     Attempt,
     CertificateEvent,
@@ -41,6 +43,7 @@ from hemivar.workflows import (
     result_of,
     solving,
 )
+from hemivar.workflows.comparison import energy_norm_difference
 from hemivar.workflows.observed_order import observed_order
 
 from ..problems import bar, square
@@ -322,9 +325,7 @@ def test_a_law_that_is_not_known(arguments: tuple[str, dict[str, str]], words: s
 
 @pytest.mark.slow
 def test_a_survey_that_is_interrupted_keeps_what_is_done() -> None:
-    runs, events = watched(
-        workflows.survey(SurveyOptions(max_n=8)), lambda event: isinstance(event, Phase) and event.number == 1
-    )
+    runs, events = watched(survey(SurveyOptions(max_n=8)), lambda event: isinstance(event, Phase) and event.number == 1)
     assert runs.interrupted
     assert list(runs.figures) == ["figure1"]
     assert (runs.meshes, runs.errors) == ((), {})
@@ -399,4 +400,4 @@ def test_differences_of_methods_are_those_in_the_energy_norm() -> None:
     K = solution.problem.stiffness.toarray()
     root = np.linalg.cholesky(K).T
     off, size = (np.linalg.norm(root @ u) for u in (moved.unknowns - solution.unknowns, solution.unknowns))
-    assert workflows.energy_norm_difference(moved, solution) == pytest.approx(off / size, rel=1e-10)
+    assert energy_norm_difference(moved, solution) == pytest.approx(off / size, rel=1e-10)

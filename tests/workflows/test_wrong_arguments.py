@@ -11,6 +11,13 @@ import pytest
 
 import hemivar as hv
 from hemivar import workflows
+from hemivar.files.problem_file import ProblemFile
+from hemivar.files.settings import SolverSettings
+from hemivar.identification.identifying import identify, identifying
+from hemivar.survey import survey
+from hemivar.workflows.comparison import energy_norm_difference
+from hemivar.workflows.marching import evolution_of, plan_of
+from hemivar.workflows.sweep import read_axis
 from tests.test_wrong_arguments import PROBLEM, WRONG, trouble
 
 EVOLUTION = hv.Evolution(PROBLEM)
@@ -19,7 +26,7 @@ SOLUTION = hv.solve(PROBLEM)
 DISCRETE = hv.discretize(PROBLEM)
 
 
-STATED = hv.files.ProblemFile(PROBLEM, hv.files.SolverSettings())
+STATED = ProblemFile(PROBLEM, SolverSettings())
 
 
 def stated(values: object) -> hv.ContactProblem:
@@ -28,6 +35,15 @@ def stated(values: object) -> hv.ContactProblem:
 
 
 MEASURED = hv.identification.Measurements({"a": [0.1, 0.2, 0.3]}, {"contact.bottom.force.y": [0.1, 0.2, 0.4]})
+#: Every function of the package, what the command calls besides, and the use cases of other packages.
+FUNCTIONS: dict[str, Callable[..., object]] = {
+    one.__name__: one
+    for one in (
+        *(getattr(workflows, name) for name in workflows.__all__),
+        *(energy_norm_difference, evolution_of, identify, identifying, plan_of, read_axis, survey),
+    )
+    if inspect.isfunction(one)
+}
 #: What stands for the arguments that must be given, by the function and their name.
 RIGHT: dict[str, dict[str, object]] = {
     "adapt": {"problem": PROBLEM},
@@ -68,14 +84,13 @@ MORE: dict[str, tuple[object, ...]] = {
 
 
 def test_every_function_is_tried() -> None:
-    functions = {name for name in workflows.__all__ if inspect.isfunction(getattr(workflows, name))}
-    assert functions == RIGHT.keys()
+    assert FUNCTIONS.keys() == RIGHT.keys()
 
 
 @pytest.mark.parametrize("name", RIGHT)
 def test_wrong_arguments_are_refused_in_words(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    function: Callable[..., object] = getattr(workflows, name)
+    function = FUNCTIONS[name]
 
     def call(**given: object) -> object:
         made = function(**given)

@@ -13,7 +13,9 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.body_data import BodyData
 from hemivar.bounds.patches import priorities
 from hemivar.bounds.split_element import SplitElement
-from hemivar.kernels import Kernels, alike_rows, kernels
+from hemivar.kernels import kernels
+from hemivar.kernels.library import Kernels
+from hemivar.kernels.mesh_sums import alike_rows
 from hemivar.kernels.read_arrays import given, numbers, rising
 from hemivar.mesh.keys import equal_rows
 

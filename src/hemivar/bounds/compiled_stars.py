@@ -9,7 +9,8 @@ import numpy as np
 
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.bounds.body_data import BodyData
-from hemivar.kernels import Kernels, kernels
+from hemivar.kernels import kernels
+from hemivar.kernels.library import Kernels
 from hemivar.kernels.read_arrays import given, numbers, rising
 
 __all__ = ["CompiledStars"]

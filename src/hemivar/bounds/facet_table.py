@@ -16,7 +16,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
-from hemivar.kernels import mesh_facets, mesh_geometry, mesh_stars
+from hemivar.kernels.mesh_sums import mesh_facets, mesh_geometry, mesh_stars
 from hemivar.mesh.keys import EDGES, facet_keys, pair_keys, sorted_keys
 from hemivar.mesh.mesh import Mesh
 

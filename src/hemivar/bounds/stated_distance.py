@@ -30,7 +30,7 @@ _MARGIN = "take a law that softens less, more supports or a stiffer body"
 class DistanceToExact:
     """The distance of a displacement to every solution of the continuous problem, in the energy norm.
 
-    Computed by :func:`hemivar.bounds.distance_to_exact`.  All but the ratios are in the unit of
+    Computed by :func:`hemivar.bounds.exact_certificate.distance_to_exact`.  All but the ratios are in the unit of
     ``|u|_K``.
 
     Attributes

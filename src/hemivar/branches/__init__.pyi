@@ -1,21 +1,13 @@
 """The public names of ``hemivar.branches`` and where each comes from; loaded on first use."""
 
-from .bracket import BracketOptions as BracketOptions
 from .bracket import LoadBracket as LoadBracket
 from .bracket import Reached as Reached
-from .bracket import bracketing as bracketing
 from .bracket import load_bracket as load_bracket
 from .follow import PathOptions as PathOptions
 from .follow import follow_path as follow_path
-from .follow import following as following
 from .follower import PathProgress as PathProgress
-from .path import Bifurcation as Bifurcation
-from .path import Fold as Fold
 from .path import Path as Path
-from .path import PathEnd as PathEnd
-from .path import PathJump as PathJump
 from .search import SearchProgress as SearchProgress
 from .solutions import SolutionSet as SolutionSet
 from .solutions import SolutionsOptions as SolutionsOptions
 from .solutions import find_solutions as find_solutions
-from .solutions import finding as finding

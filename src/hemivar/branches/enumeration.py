@@ -14,7 +14,7 @@ import numpy as np
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.certificates import equilibrium_multiplier
+from hemivar.certificates.bound import equilibrium_multiplier
 from hemivar.systems.chain import Chain
 
 __all__ = ["Candidate", "Enumeration", "enumerate_points"]

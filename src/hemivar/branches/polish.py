@@ -7,18 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.certificates import trace_force
+from hemivar.certificates.bound import trace_force
 from hemivar.certificates.linear_bodies import at_tangent
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
-from hemivar.solvers import Controls, NonsmoothNewton, Search, Solution, solve, suited
+from hemivar.solvers import Controls, NonsmoothNewton, Search, Solution, solve
 from hemivar.solvers.controls import Budget
+from hemivar.solvers.solve import suited
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem
 from hemivar.systems.chain import Chain
-from hemivar.systems.contact_moves import smooth_components
 from hemivar.systems.dense_newton import newton_matrix
+from hemivar.systems.newton_equation import smooth_components
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Polished", "polish", "polish_by_solver"]

@@ -24,7 +24,8 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import residual
 from hemivar.laws import MixedMode
 from hemivar.laws.normal_and_friction import NormalAndFriction
-from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
+from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve
+from hemivar.solvers.solve import suited
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem
 from hemivar.systems.chain import Chain

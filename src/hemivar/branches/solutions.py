@@ -17,8 +17,9 @@ from hemivar.basics.types import Array
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SearchProgress, SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
-from hemivar.certificates import Smallness, one_solution, smallness
+from hemivar.certificates import smallness
 from hemivar.certificates.linear_bodies import at_tangent
+from hemivar.certificates.smallness import Smallness, one_solution
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem

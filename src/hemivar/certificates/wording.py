@@ -1,22 +1,33 @@
-"""A certificate in words: every claim as far as it was shown, estimates called estimates."""
+"""A certificate and its words: every claim as far as it was shown, estimates called estimates."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from hemivar.basics.arguments import expect, quoted
+from hemivar.basics.display import ReprMixin
 from hemivar.basics.rounding import rounded_down, rounded_up
+from hemivar.basics.types import Array, Record
 from hemivar.certificates.linear_bodies import STATED, UNKNOWN
+from hemivar.certificates.smallness import Smallness
+from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.residual import Residual
+from hemivar.errors import ProblemError
 from hemivar.mechanics.material_words import BoundsBy
 
 if TYPE_CHECKING:
-    from hemivar.certificates.certificate import Certificate
-    from hemivar.certificates.smallness import Smallness
+    from hemivar.bounds.stated_distance import DistanceToExact
 
-__all__ = ["Claim", "certificate_brief", "certificate_lines", "claims", "lower_bound_words"]
+__all__ = ["ESTIMATE", "Certificate", "Claim", "lower_bound_words"]
 
+#: The method of an eigenvalue that nothing shows.
+ESTIMATE = "LOBPCG, an estimate"
 #: Characters of a line before its sentence.
 _LABEL = 18
 
@@ -41,7 +52,176 @@ class Claim:
         return "about" if self.doubt else "at most"
 
 
-def claims(certificate: Certificate) -> list[Claim]:
+@dataclass(frozen=True, eq=False)
+class Certificate(ReprMixin):
+    """What is known about a pair ``(u, lambda)``.
+
+    K is the stiffness of the body. Of one that is not linear ``K u`` is the derivative of its stored energy, and
+    elsewhere K is the stiffness of its lower tensor C_low: ``smallness.stiffness_by`` tells how that was found.
+
+    Attributes
+    ----------
+    equilibrium : float
+        ``|f - K u - B'W lambda|_{K^-1}``, in the unit of ``|u|_K``; inf if K is singular.
+    equilibrium_relative : float
+        The same over ``|f|_{K^-1}``.
+    inclusion : float
+        ``|W e|_2`` with ``e_j`` the distance of ``(r_j, lambda_j)`` to the graph of the law, units of force.
+    inclusion_relative : float
+        The same over ``|f|_2``.
+    inclusion_distance : float
+        Largest distance of ``lambda_j`` to ``dj(r_j)`` at the very r_j (force per area); a rounding away from a kink
+        it is as large as the jump, which is why :attr:`inclusion` is the measure.
+    residual : Residual
+        The residual that the solvers use.
+    energy : float
+        E(u), units of work.  Where the friction bound depends on the state there is no energy, and this is that with
+        the bound held fixed at this pair.
+    margin : float
+        ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
+    error_bound : float
+        Bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.  Guaranteed unless
+        :attr:`error_bound_sampled`.
+    error_bound_relative : float
+        The same over ``|u|_K``.
+    kind : PointKind
+        What kind of point it is.
+    unique : bool, str or None
+        Whether the discrete problem has one solution only; None if that is not known.  Where constants of a law are
+        those of its reach, a text that says so: "the only one with penetrations within the reach 0.2".
+    curvature : float or None
+        Smallest curvature on the critical directions, 1 being that of the body alone; None if not computed.
+    direction : array (m, d) or None
+        Local displacement along which the energy falls, where it does.
+    stationary : bool
+        Whether the pair solves the problem to the tolerance.
+    tolerance : float
+        The tolerance, relative to the load.
+    smallness : Smallness
+        The constants behind the margin.
+    method : str
+        "factorisation", or "multigrid" for a large problem: then the constants are less accurate, on the safe side.
+    seconds : float
+        Spent on it.
+    warnings : tuple of str
+        What it does not cover on this problem, such as locking; one sentence each.
+    error_bound_sampled : bool
+        Whether margin and error bound rest on sampled constants, and so are estimates.
+    left_out : tuple of str
+        Parts for which the time did not suffice: "margin", "equilibrium", "error bound", "kind", "trace constant". What
+        stands in their place says the least that can be said: inf, -inf, None or "stationary".
+    free_motion : str
+        Where the law is convex: the rigid motion, such as "translation (1, 0)", up to which it is the only
+        solution, and along which there may be others; empty without one.
+    exact : DistanceToExact or None
+        The distance to the exact solution of the continuous problem, or why it is not known; None if it was not asked
+        for.
+    apart : bool
+        Whether many processes made it: they leave out what takes the whole matrix, and what they have no proof of.
+    """
+
+    equilibrium: float
+    equilibrium_relative: float
+    inclusion: float
+    inclusion_relative: float
+    inclusion_distance: float
+    residual: Residual
+    energy: float
+    margin: float
+    error_bound: float
+    error_bound_relative: float
+    kind: PointKind
+    unique: bool | str | None
+    curvature: float | None
+    direction: Array | None
+    stationary: bool
+    tolerance: float
+    smallness: Smallness
+    method: str = "factorisation"
+    seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
+    error_bound_sampled: bool = False
+    left_out: tuple[str, ...] = ()
+    free_motion: str = ""
+    exact: DistanceToExact | None = None
+    apart: bool = False
+
+    @property
+    def proved(self) -> bool:
+        """Whether an eigenvalue behind the margin was shown, and not only found."""
+        return self.method != ESTIMATE
+
+    @property
+    def uniqueness(self) -> str:
+        """:attr:`unique` in words."""
+        if isinstance(self.unique, str):
+            return self.unique
+        if self.free_motion:
+            return f"the only one up to a rigid motion, {self.free_motion}"
+        return {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}[
+            self.unique
+        ]
+
+    @property
+    def claims(self) -> list[Claim]:
+        """All that is claimed: value, sentence, and what is in doubt; every output reads them."""
+        return _claims(self)
+
+    def claim(self, label: str) -> Claim:
+        """The first claim of a label, such as "kind", "margin" or "distance"."""
+        found = [one for one in self.claims if isinstance(label, str) and one.label == label]
+        if not found:
+            raise ProblemError(
+                f"nothing is claimed of {quoted(label)}; choose one of {', '.join(one.label for one in self.claims)}"
+            )
+        return found[0]
+
+    def lines(self, whole: bool = False) -> list[str]:
+        """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""
+        expect(whole, bool, "whole", "give True or False")
+        return _lines(self, whole)
+
+    def brief(self) -> str:
+        """The certificate in one line: residual, kind, uniqueness, margin, distance; pictures have it at their foot."""
+        return _brief(self)
+
+    def __repr__(self) -> str:
+        residual = f"residual          {self.residual.relative:.1e} relative, tolerance {self.tolerance:.0e}"
+        return "\n  ".join(["Certificate", residual, *self.lines()])
+
+    def record(self) -> Record:
+        """Plain numbers and strings for JSON.
+
+        Keys: the attributes (without ``residual``; ``direction`` as lists, ``exact`` as a record) and, beside them,
+        those of :class:`Smallness`.  Numbers that are infinite become null and their keys are listed under ``infinite``
+        (under ``minus_infinite`` if negative); other nulls mean "not known".
+        """
+        values: dict[str, object] = {}
+        for owner in (self, self.smallness):
+            for item in fields(owner):
+                if item.name not in ("residual", "smallness", "apart"):
+                    values.setdefault(item.name, getattr(owner, item.name))
+        plain: dict[str, object] = {}
+        infinite: list[str] = []
+        negative: list[str] = []
+        for name, value in values.items():
+            if isinstance(value, StrEnum):
+                value = value.value
+            elif isinstance(value, tuple):
+                value = list(value)
+            elif isinstance(value, np.ndarray):
+                value = value.tolist()
+            elif name == "exact" and self.exact is not None:
+                value = self.exact.record()
+            elif isinstance(value, float) and not math.isfinite(value):
+                if math.isinf(value):
+                    (infinite if value > 0 else negative).append(name)
+                value = None
+            plain[name] = value
+        return {**plain, "infinite": infinite, "minus_infinite": negative}
+
+
+def _claims(certificate: Certificate) -> list[Claim]:
     """All that a certificate claims, in the order of its lines."""
     c, constants = certificate, certificate.smallness
     found: list[Claim] = []
@@ -133,12 +313,12 @@ def _constants(constants: Smallness) -> Iterator[tuple[str, str]]:
         yield "note", "the slope of a friction bound is known from samples only: margin and distance are estimates"
 
 
-def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
+def _lines(certificate: Certificate, whole: bool = False) -> list[str]:
     """The certificate in lines of text: kind, bound and margin; if ``whole``, every constant."""
     return [f"{one.label:<{_LABEL}}{one.sentence}" for one in certificate.claims if whole or not one.whole]
 
 
-def certificate_brief(certificate: Certificate) -> str:
+def _brief(certificate: Certificate) -> str:
     """The certificate in one line for the foot of a picture: residual, kind, uniqueness, margin, distance."""
     sampled = " (sampled)" if certificate.smallness.sampled else ""
     kind = certificate.kind.value

@@ -13,8 +13,8 @@ from hemivar.cli import options as opt
 from hemivar.cli.engine import Engine
 from hemivar.cli.options import WRITTEN, Exit
 from hemivar.cli.outputs import Files, Writer, check_outputs
-from hemivar.cli.printing import StageView, console, print_head
-from hemivar.cli.session import Session
+from hemivar.cli.printing import StageView, console
+from hemivar.cli.session import Session, print_head
 
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem

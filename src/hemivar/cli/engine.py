@@ -6,6 +6,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
@@ -16,8 +17,6 @@ from hemivar.errors import HemivarError, ProblemError
 
 if TYPE_CHECKING:
     from hemivar.certificates import Certificate
-    from hemivar.cli.printing import SolveView
-    from hemivar.cli.solving import SolveCommand
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.evolution import Evolution, History, March
     from hemivar.evolution.discrete import DiscreteEvolution
@@ -26,15 +25,27 @@ if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile
     from hemivar.files.series import Series
     from hemivar.mechanics.statement import ContactProblem
-    from hemivar.solvers import Solution
-    from hemivar.workflows import RunResult, Work
+    from hemivar.solvers import Controls, Solution, Solver
+    from hemivar.workflows import Event, RunResult, Work
 
-__all__ = ["Engine", "engine_named"]
+__all__ = ["Asked", "Engine", "engine_named"]
 
 T = TypeVar("T")
 
 #: Signals within so many seconds count as one.
 _COALESCE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """How to solve, and where to say what could not be written."""
+
+    method: Solver | None
+    controls: Controls
+    exact: bool
+    checkpoint: Path | None
+    resume: bool
+    failed: list[str]
 
 
 class Engine:
@@ -88,14 +99,16 @@ class Engine:
         return [f"mesh              {size}", f"unknowns          {discrete.unknowns}"], []
 
     def solved(
-        self, asked: SolveCommand, problem: DiscreteProblem, coarser: Sequence[DiscreteProblem], view: SolveView
+        self,
+        asked: Asked,
+        problem: DiscreteProblem,
+        coarser: Sequence[DiscreteProblem],
+        view: Callable[[Event], bool],
     ) -> RunResult:
         """Solve as the command asks, and certify."""
         from hemivar.workflows import RunOptions, result_of, run
 
-        session = asked.session
-        options = RunOptions(session.solver(asked.method), session.controls, coarser, bool(asked.exact))
-        return result_of(run(problem, options), view)
+        return result_of(run(problem, RunOptions(asked.method, asked.controls, coarser, asked.exact)), view)
 
     def marching(self, evolution: Evolution, plan: March) -> Work[History]:
         """A march."""

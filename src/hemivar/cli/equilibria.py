@@ -12,7 +12,8 @@ from hemivar.cli import options as opt
 from hemivar.cli.command import Done, OnProblem, watched
 from hemivar.cli.options import MOST_STEPS, check_colour, check_load_factors, option, written
 from hemivar.cli.outputs import Files
-from hemivar.cli.printing import console, print_head, print_table
+from hemivar.cli.printing import console, print_table
+from hemivar.cli.session import print_head
 from hemivar.cli.solving import check_drawable, colour_named, label_units, pictures_of
 from hemivar.errors import ProblemError
 

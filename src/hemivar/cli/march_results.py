@@ -168,7 +168,7 @@ class AnimateCommand(Command):
     def _film(self) -> tuple[Film | History, Units, Callable[[], Exit]]:
         """What is drawn, the units of its labels, and what tells how its march ended."""
         if self.march is None:
-            from hemivar.files import read_film
+            from hemivar.files.film import read_film
 
             return read_film(self.file), _units(self.units), lambda: Exit.CONVERGED
         (found, _), stated = self.march.march(), self.march.session.stated

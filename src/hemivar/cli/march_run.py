@@ -18,8 +18,8 @@ from hemivar.cli.engine import Engine, engine_named
 from hemivar.cli.march_view import MarchView, code_of, print_history
 from hemivar.cli.options import ENGINES, check_limits, option, written
 from hemivar.cli.outputs import Files, check_outputs
-from hemivar.cli.printing import Bar, print_head
-from hemivar.cli.session import Session, naming_file
+from hemivar.cli.printing import Bar
+from hemivar.cli.session import Session, naming_file, print_head
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ class MarchOptions:
 
     def check(self) -> None:
         """Refuse options that make no sense, whatever the file says."""
-        from hemivar.evolution import SCHEMES, SelectionRule
+        from hemivar.evolution.jumps import SelectionRule
+        from hemivar.evolution.schemes import SCHEMES
 
         check_limits(self.rtol, self.max_time)
         for name, value in (("--step", self.step), ("--adaptive", self.adaptive), ("--every", self.every)):
@@ -72,8 +73,9 @@ class MarchOptions:
         self, stated: ProblemFile, checkpoint: Path | None, controls: Controls, solver: Solver | None = None
     ) -> March:
         """How the evolution of a file is computed with these options."""
-        from hemivar.evolution import SCHEMES, AdaptiveStep, Checkpoint
-        from hemivar.workflows import plan_of
+        from hemivar.evolution import AdaptiveStep, Checkpoint
+        from hemivar.evolution.schemes import SCHEMES
+        from hemivar.workflows.marching import plan_of
 
         if checkpoint is None and self.minutes is not None:
             raise ProblemError("--minutes goes with a checkpoint; name it by --checkpoint FILE")
@@ -185,7 +187,8 @@ class MarchCommand(MarchOptions, OnProblem):
 
     def march(self) -> tuple[History, Series | None]:
         """March; returns what was found, and what wrote frames while they came."""
-        from hemivar.workflows import evolution_of, result_of
+        from hemivar.workflows import result_of
+        from hemivar.workflows.marching import evolution_of
 
         session, writer, place = self.session, self.writer, self.place
         evolution, plan = place.agree(lambda: (evolution_of(session.stated), self._planned()))

@@ -139,7 +139,7 @@ def check_colour(name: str | None, pictures: Mapping[str, object]) -> None:
     """Refuse a colouring that there is not, or that no picture shows."""
     if name is None:
         return
-    from hemivar.report import BodyColour
+    from hemivar.report.deformed import BodyColour
 
     if name not in [*BodyColour]:
         raise ProblemError(f"--colour {name}: it is not known{suggest(name, [*BodyColour])}")
@@ -188,7 +188,7 @@ def controls_of(
 
 
 def method_named(name: str) -> Solver:
-    """The method of a name, see :func:`hemivar.solvers.method_named`."""
-    from hemivar.solvers import method_named as named
+    """The method of a name, see :func:`hemivar.solvers.methods.method_named`."""
+    from hemivar.solvers.methods import method_named as named
 
     return named(name)

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from hemivar.basics.units import Units
     from hemivar.certificates import Certificate
-    from hemivar.cli.session import Session
-    from hemivar.discrete.problem import DiscreteProblem
     from hemivar.files.changes import Change
     from hemivar.files.problem_file import ProblemFile
     from hemivar.mesh import Mesh
@@ -35,8 +33,9 @@ __all__ = [
     "SolveView",
     "StageView",
     "console",
-    "print_head",
+    "print_changes",
     "print_not_converged",
+    "print_notes",
     "print_step",
     "print_step_head",
     "print_summary",
@@ -229,34 +228,21 @@ def _print_whole(console: Console, drawn: RichTable, whole: int) -> None:
     console.width = width
 
 
-def print_head(session: Session, discrete: DiscreteProblem) -> None:
-    """Print what the problem is."""
-    stated = session.stated
-    sizes, method = session.engine.head(stated, discrete)
-    title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
-    print(title or shown(stated.name))
-    _print_changes(stated.changes)
-    _print_notes(stated.problem.mesh)
-    where = f" on {', '.join(discrete.contact.places)}" if discrete.contact.names else ""
-    points = int(discrete.vectors.total(discrete.contact_points)[0])
-    warnings = [f"warning           {warning}" for warning in discrete.notes]
-    print("\n".join([*sizes, *warnings, f"contact points    {points}{where}", *method]), flush=True)
-
-
 def print_title(stated: ProblemFile, changes: Sequence[Change] = ()) -> None:
     """Print what the problem is in one line, and what was changed."""
     print(one_line(stated.problem.title) or shown(stated.name))
-    _print_changes(changes)
-    _print_notes(stated.problem.mesh)
+    print_changes(changes)
+    print_notes(stated.problem.mesh)
 
 
-def _print_notes(mesh: Mesh) -> None:
+def print_notes(mesh: Mesh) -> None:
     """Print how a mesh file was read: cells that were converted, and what could not be taken."""
     for note in mesh.notes:
         print(f"mesh file         {shown(note)}")
 
 
-def _print_changes(changes: Sequence[Change]) -> None:
+def print_changes(changes: Sequence[Change]) -> None:
+    """Print what was changed in a problem file."""
     for change in changes:
         print(f"set               {shown(change)}")
 

@@ -10,6 +10,7 @@ from hemivar.basics.disk import noting_files_read, shown
 from hemivar.cli.engine import Engine
 from hemivar.cli.options import check_limits, controls_of, method_named
 from hemivar.cli.outputs import Writer, check_distinct, check_outputs, files_of, keep_off, one_line
+from hemivar.cli.printing import print_changes, print_notes
 from hemivar.errors import HemivarError, SupportError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from hemivar.solvers import Controls, Solver
     from hemivar.workflows import Study, Sweep
 
-__all__ = ["Session", "naming_file"]
+__all__ = ["Session", "naming_file", "print_head"]
 
 
 class Session:
@@ -104,6 +105,20 @@ class Session:
             return self.engine.discrete(problem) if load_factor is None else LoadLine.of(problem).at(load_factor)
         except self.engine.refusals as error:
             raise naming_file(error, self.stated.name) from error
+
+
+def print_head(session: Session, discrete: DiscreteProblem) -> None:
+    """Print what the problem is."""
+    stated = session.stated
+    sizes, method = session.engine.head(stated, discrete)
+    title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
+    print(title or shown(stated.name))
+    print_changes(stated.changes)
+    print_notes(stated.problem.mesh)
+    where = f" on {', '.join(discrete.contact.places)}" if discrete.contact.names else ""
+    points = int(discrete.vectors.total(discrete.contact_points)[0])
+    warnings = [f"warning           {warning}" for warning in discrete.notes]
+    print("\n".join([*sizes, *warnings, f"contact points    {points}{where}", *method]), flush=True)
 
 
 def naming_file(error: HemivarError, name: str, table: str = "") -> HemivarError:

@@ -13,7 +13,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.rounding import rounded_up
 from hemivar.cli import options as opt
 from hemivar.cli.command import Done, OnProblem
-from hemivar.cli.engine import Engine, engine_named
+from hemivar.cli.engine import Asked, Engine, engine_named
 from hemivar.cli.options import (
     ENGINES,
     check_colour,
@@ -25,8 +25,8 @@ from hemivar.cli.options import (
     written,
 )
 from hemivar.cli.outputs import Files
-from hemivar.cli.printing import SolveView, console, print_head, print_not_converged, print_summary, unread
-from hemivar.cli.session import Session, naming_file
+from hemivar.cli.printing import SolveView, console, print_not_converged, print_summary, unread
+from hemivar.cli.session import Session, naming_file, print_head
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 
     from hemivar.bounds import AdaptiveSolution
     from hemivar.certificates import Certificate
-    from hemivar.cli.session import Session
     from hemivar.files.problem_file import ProblemFile
-    from hemivar.report import BodyColour
+    from hemivar.report.deformed import BodyColour
     from hemivar.solvers import Solution
     from hemivar.workflows import AdaptResult, Event, RunResult
 
@@ -142,9 +141,11 @@ class SolveCommand(OnProblem):
         *coarser, discrete = [session.discrete(mesh, self.load_factor) for mesh in (*meshes, None)]
         print_head(session, discrete)
         view = SolveView(self.quiet, self.verbose)
+        method, failed = session.solver(self.method), self.writer.failed
+        asked = Asked(method, session.controls, bool(self.exact), self.checkpoint, self.resume, failed)
         found: RunResult | None = None
         try:
-            found = self.place.solved(self, discrete, coarser, view)
+            found = self.place.solved(asked, discrete, coarser, view)
             if found.complaint and not found.interrupted:
                 self.writer.failed.append(f"the solution could not be certified: {found.complaint}")
             print_summary(console(), found.solution, found.certificate, stated.units, discrete.notes)
@@ -200,7 +201,7 @@ def label_units(session: Session) -> LabelUnits:
 
 def colour_named(name: str | None) -> BodyColour | None:
     """The colouring of a name."""
-    from hemivar.report import BodyColour
+    from hemivar.report.deformed import BodyColour
 
     return None if name is None else BodyColour(name)
 
@@ -303,7 +304,7 @@ class _AdaptiveCommand(OnProblem):
         return self.asked.adaptive
 
     def work(self) -> Done:
-        from hemivar.bounds import AdaptiveEnd
+        from hemivar.bounds.adaptive_end import AdaptiveEnd
         from hemivar.workflows import AdaptOptions, adapt, result_of
 
         session, asked = self.session, self.asked
@@ -360,7 +361,8 @@ class _AdaptiveCommand(OnProblem):
 
     def _files(self, found: AdaptResult) -> Files:
         from hemivar.files import write_json, write_vtu
-        from hemivar.report import adaptive_table, plot_adaptive, plot_meshes
+        from hemivar.report import plot_adaptive, plot_meshes
+        from hemivar.report.tables import adaptive_table
 
         adaptive, certificate, title = found.adaptive, found.certificate, self.session.title
         arrays = self.asked.arrays

@@ -21,9 +21,11 @@ from hemivar.errors import FileError, HemivarError, ProblemError
 if TYPE_CHECKING:
     from hemivar.basics.types import Array, Record
     from hemivar.files.changes import Change
-    from hemivar.identification import Fit, FitOptions, Parameter
-    from hemivar.workflows import Study, SweepAxis
+    from hemivar.identification import FitOptions
+    from hemivar.identification.fit import Fit, Parameter
+    from hemivar.workflows import Study
     from hemivar.workflows.study import StudyLevel
+    from hemivar.workflows.sweep import SweepAxis
 
 __all__ = ["IdentifyCommand", "StudyCommand", "SweepCommand"]
 
@@ -197,7 +199,7 @@ class SweepCommand(OnProblem):
     @cached_property
     def ranges(self) -> tuple[tuple[SweepAxis, ...], tuple[Change, ...]]:
         """What ``--set`` gives a range, and what one value."""
-        from hemivar.workflows import SweepAxis, read_axis
+        from hemivar.workflows.sweep import SweepAxis, read_axis
 
         read = [read_axis(text) for text in self.given or ()]
         axes = tuple(one for one in read if isinstance(one, SweepAxis))
@@ -328,7 +330,7 @@ class IdentifyCommand(OnProblem):
 
     def work(self) -> Done:
         from hemivar.files.changes import read_change
-        from hemivar.identification import fit_table, plot_fit
+        from hemivar.identification.identification_figure import fit_table, plot_fit
         from hemivar.identification.identifying import identifying, parameters_of_law
 
         changes, wanted, session = [read_change(text) for text in self.given or ()], self.ranges, self.session
@@ -356,7 +358,7 @@ class IdentifyCommand(OnProblem):
 
 
 def _read(text: str) -> Parameter:
-    from hemivar.identification import Parameter
+    from hemivar.identification.fit import Parameter
 
     found = _RANGE.fullmatch(text)
     if found is None:

@@ -4,22 +4,8 @@ from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
-from hemivar.discrete.potential import BodyEnergy, Potential
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import Residual, residual
+from hemivar.discrete.residual import residual
 from hemivar.discrete.space import Field, Space
 
-__all__ = [
-    "BodyEnergy",
-    "Bulk",
-    "ContactPoints",
-    "DiscreteProblem",
-    "Field",
-    "Loading",
-    "Model",
-    "Potential",
-    "Quadratic",
-    "Residual",
-    "Space",
-    "residual",
-]
+__all__ = ["Bulk", "ContactPoints", "DiscreteProblem", "Field", "Loading", "Model", "Quadratic", "Space", "residual"]

@@ -20,15 +20,17 @@ from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.discrete.operator_family import Composition
-    from hemivar.discrete.potential import Tangent
     from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["Model", "quadratic"]
+__all__ = ["MadeOf", "Model", "quadratic"]
 
 #: Motions that a stiffness resists by more than this, relative to its diagonal, are not in its kernel.
 _RESISTED = 1e-9
 _ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
+
+
+class MadeOf(PickleMixin):
+    """What a stiffness is made of beside its statement: a composition in time, or a tangent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ class Model(PickleMixin):
         What was discretised; the same on a coarser mesh serves multigrid.
     resisted : bool
         Whether an elastic bedding of the body, or its inertia in a step in time, resists every motion.
-    parts : Composition or Tangent, optional
+    parts : MadeOf, optional
         What the stiffness of a step in time, or of a linear body in the place of another one, is made of; the same on a
         coarser mesh serves multigrid.
 
@@ -65,7 +67,7 @@ class Model(PickleMixin):
     space: Space | None = None
     origin: ContactProblem | None = None
     resisted: bool = False
-    parts: Composition | Tangent | None = None
+    parts: MadeOf | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.bulk, Quadratic | Potential):  # Python 3.11 computes each property of a protocol
@@ -93,7 +95,7 @@ class Model(PickleMixin):
         field = self.field
         assert field is not None
         if self.resisted:
-            return no_motions(field)
+            return no_motions(field.mesh, field.prescribed.size)
         motions = field.free_motions
         return motions if len(motions.groups) < 2 else joined(motions, sp.csr_array(self.contact.trace @ field.lift))
 

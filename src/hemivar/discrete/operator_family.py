@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,15 +13,13 @@ from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
-from hemivar.discrete.model import Model
+from hemivar.discrete.model import MadeOf, Model
 from hemivar.discrete.operators import Multiple, Operator, combined, of_arrays
 from hemivar.discrete.potential import Potential, SumEnergy
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Space
 
-if TYPE_CHECKING:
-    from hemivar.discrete.problem import DiscreteProblem
-
-__all__ = ["Composition", "OperatorFamily"]
+__all__ = ["Composition", "OperatorFamily", "Tangent"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +117,7 @@ class OperatorFamily(PickleMixin):
 
 
 @dataclass(frozen=True, eq=False)
-class Composition(PickleMixin):
+class Composition(MadeOf):
     """What the body of a step in time is made of; on a coarser mesh it is made of the matrices there.
 
     Attributes
@@ -183,3 +180,20 @@ class Composition(PickleMixin):
         """The same of a body on a coarser mesh, whose nodes are some (shared) of the nodes of this one."""
         place = None if self.place is None else self.place[shared]
         return replace(self, family=family, place=place)
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent(MadeOf):
+    """Where a linear body has its stiffness from: a body that is not linear, and the place; on a coarser mesh it is
+    made of the body there.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+        Of the body that is not linear.
+    unknowns : array (n,)
+        The place.
+    """
+
+    problem: DiscreteProblem
+    unknowns: Array

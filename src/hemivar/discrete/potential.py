@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,10 +18,7 @@ from hemivar.discrete.operators import combined
 from hemivar.errors import ProblemError
 from hemivar.linear.products import diagonal
 
-if TYPE_CHECKING:
-    from hemivar.discrete.problem import DiscreteProblem
-
-__all__ = ["BodyEnergy", "Potential", "Softened", "SumEnergy", "Tangent"]
+__all__ = ["BodyEnergy", "Potential", "Softened", "SumEnergy"]
 
 
 class Softened(ProblemError):  # noqa: N818 - a state of the body, which methods go around
@@ -244,20 +241,3 @@ def _stiff(stiffness: sp.csr_array) -> Quadratic:
             "or displacements, or a material that is stiffer there"
         )
     return Quadratic(stiffness, assembled=True)
-
-
-@dataclass(frozen=True, eq=False)
-class Tangent(PickleMixin):
-    """Where a linear body has its stiffness from: a body that is not linear, and the place; on a coarser mesh it is
-    made of the body there.
-
-    Attributes
-    ----------
-    problem : DiscreteProblem
-        Of the body that is not linear.
-    unknowns : array (n,)
-        The place.
-    """
-
-    problem: DiscreteProblem
-    unknowns: Array

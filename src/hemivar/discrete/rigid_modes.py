@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -19,10 +18,8 @@ from scipy.sparse.csgraph import connected_components
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.parts import Parts
-
-if TYPE_CHECKING:
-    from hemivar.discrete.space import Field
 
 __all__ = ["Mechanism", "RigidModes", "admitted", "free_motions", "joined", "no_motions", "rigid_basis"]
 
@@ -108,40 +105,40 @@ def admitted(moved: Array) -> Array:
     return np.asarray(scipy.linalg.null_space(triangle, rcond=_RANK))
 
 
-def free_motions(field: Field) -> RigidModes:
+def free_motions(
+    mesh: Mesh, order: int, basis: sp.csr_array, lift: sp.csr_array, own: sp.csc_array, ring: bool
+) -> RigidModes:
     """The motions without deformation that a body has left, by its mesh and its supports.
+
+    All but the mesh is of :class:`hemivar.discrete.Field`.
 
     Raises
     ------
     ProblemError
         Several hundred parts hang together at nodes only.
     """
-    return _of_one(field) if field.mesh.parts.count == 1 else _of_many(field)
+    stopped = _stopped(mesh.dim, basis, lift, own)
+    able = np.eye(3)[:, [1]] if ring else np.eye(3 if mesh.dim == 2 else 6)  # of rings along the axis
+    return (_of_one if mesh.parts.count == 1 else _of_many)(mesh, order, stopped, able)
 
 
-def no_motions(field: Field) -> RigidModes:
-    """None at all, for a body that something resists at every place."""
-    return RigidModes(sp.csc_array((field.prescribed.size, 0)), (), field.mesh.parts)
+def no_motions(mesh: Mesh, size: int) -> RigidModes:
+    """None at all, of so many nodal values, for a body that something resists at every place."""
+    return RigidModes(sp.csc_array((size, 0)), (), mesh.parts)
 
 
-def _stopped(field: Field) -> tuple[IntArray, Array]:
+def _stopped(dim: int, basis: sp.csr_array, lift: sp.csr_array, own: sp.csc_array) -> tuple[IntArray, Array]:
     """Nodes that supports act on, and the projections (k, d, d) on what they fix there."""
-    dim, own = field.mesh.dim, field.own
     column_node = own.indices[own.indptr[:-1]] // dim
-    nodes = np.flatnonzero(np.bincount(column_node, minlength=field.number_of_nodes) < dim)
+    nodes = np.flatnonzero(np.bincount(column_node, minlength=basis.shape[0] // dim) < dim)
     rows = (nodes[:, None] * dim + np.arange(dim)).ravel()
-    product = sp.csr_array(field.basis[rows] @ field.lift.tocsc()[:, rows]).tocoo()
+    product = sp.csr_array(basis[rows] @ lift.tocsc()[:, rows]).tocoo()
     same = product.row // dim == product.col // dim  # all but rounding
     row, column = product.row[same], product.col[same]
     projection = np.tile(np.eye(dim), (len(nodes), 1, 1))
     np.subtract.at(projection, (row // dim, row % dim, column % dim), product.data[same])
     projection[np.abs(projection) < 1e-14] = 0.0
     return nodes, projection
-
-
-def _deforming_nothing(field: Field) -> Array:
-    """Coefficients of the motions that deform no part of a body, (3 or 6, q): of rings the one along the axis."""
-    return np.eye(3)[:, [1]] if field.ring else np.eye(3 if field.mesh.dim == 2 else 6)
 
 
 def joined(motions: RigidModes, trace: sp.csr_array) -> RigidModes:
@@ -182,13 +179,12 @@ def _merged(groups: list[Mechanism], columns: slice) -> Mechanism:
     return Mechanism(parts, columns, coefficients.reshape(len(parts), kinds, -1), hinges)
 
 
-def _of_one(field: Field) -> RigidModes:
-    """The motions of a body of one part."""
-    nodes, dim = field.nodes, field.mesh.dim
+def _of_one(mesh: Mesh, order: int, stopped: tuple[IntArray, Array], admissible: Array) -> RigidModes:
+    """The motions of a body of one part, among those (3 or 6, q) that deform nothing."""
+    nodes, dim = mesh.nodes(order), mesh.dim
     corners = (nodes.min(axis=0), nodes.max(axis=0))
-    where, stop = _stopped(field)
+    where, stop = stopped
     count = 3 if dim == 2 else 6
-    admissible = _deforming_nothing(field)
     if len(where):
         moved = rigid_basis(nodes[where], corners)[0].reshape(len(where), dim, count)
         admissible = admissible @ admitted(
@@ -196,19 +192,19 @@ def _of_one(field: Field) -> RigidModes:
         )
     left = admissible.shape[1]
     if not left:
-        return no_motions(field)
+        return no_motions(mesh, nodes.size)
     motions = rigid_basis(nodes, corners)[0] @ admissible
     group = Mechanism(np.zeros(1, dtype=np.int64), slice(0, left), admissible[None], np.zeros(0, dtype=np.int64))
-    return RigidModes(sp.csc_array(motions), (group,), field.mesh.parts)
+    return RigidModes(sp.csc_array(motions), (group,), mesh.parts)
 
 
 class _Body:
     """The nodes of every part, and the rigid motions of it there."""
 
-    def __init__(self, field: Field) -> None:
-        self.dim, self.nodes = field.mesh.dim, field.nodes
-        self.all = field.mesh.parts
-        cells = field.mesh.cell_nodes(field.order)
+    def __init__(self, mesh: Mesh, order: int) -> None:
+        self.dim, self.nodes = mesh.dim, mesh.nodes(order)
+        self.all = mesh.parts
+        cells = mesh.cell_nodes(order)
         pairs = np.unique(np.repeat(self.all.cell, cells.shape[1]) * np.int64(len(self.nodes)) + cells.ravel())
         self.owner, self.node = pairs // len(self.nodes), pairs % len(self.nodes)
         self.start = np.searchsorted(self.owner, np.arange(self.all.count + 1))
@@ -226,11 +222,11 @@ class _Body:
         return made.reshape(len(nodes), self.dim, self.kinds)
 
 
-def _of_many(field: Field) -> RigidModes:
+def _of_many(mesh: Mesh, order: int, stopped_at: tuple[IntArray, Array], able: Array) -> RigidModes:
     """The motions of a body of several parts: first the parts that supports hold, then what hangs on them."""
-    body = _Body(field)
-    dim, count, able = body.dim, body.all.count, _deforming_nothing(field)
-    where, projection = _stopped(field)
+    body = _Body(mesh, order)
+    dim, count = body.dim, body.all.count
+    where, projection = stopped_at
     stop = np.zeros((len(body.nodes), dim, dim))
     stop[where] = projection
     stopped = np.zeros(len(body.nodes), dtype=bool)

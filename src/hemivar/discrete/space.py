@@ -144,7 +144,9 @@ class Field(PickleMixin):
     @cached_property
     def free_motions(self) -> RigidModes:
         """The motions without strain, or without gradient, that supports leave to a displacement or one component."""
-        return free_constants(self) if self.constants else free_motions(self)
+        if self.constants:
+            return free_constants(self.mesh, self.basis)
+        return free_motions(self.mesh, self.order, self.basis, self.lift, self.own, self.ring)
 
     def full(self, unknowns: Array) -> Array:
         """Nodal values ``P u + u0`` of a vector of unknowns.

@@ -1,16 +1,9 @@
 """The public names of ``hemivar.evolution`` and where each comes from; loaded on first use."""
 
 from .evolution_problem import Evolution as Evolution
-from .evolution_problem import Mass as Mass
-from .history import Frame as Frame
 from .history import History as History
-from .history import Row as Row
-from .jumps import SelectionRule as SelectionRule
-from .march import StepEvent as StepEvent
 from .march import march as march
-from .march import marching as marching
 from .march_events import BondBroken as BondBroken
-from .march_events import Event as Event
 from .march_events import MarginLost as MarginLost
 from .march_events import Release as Release
 from .march_events import Slip as Slip
@@ -20,7 +13,6 @@ from .march_state import Checkpoint as Checkpoint
 from .plan import March as March
 from .save import Save as Save
 from .schemes import BDF2 as BDF2
-from .schemes import SCHEMES as SCHEMES
 from .schemes import SDIRK2 as SDIRK2
 from .schemes import GeneralizedAlpha as GeneralizedAlpha
 from .schemes import ImplicitEuler as ImplicitEuler
@@ -30,4 +22,3 @@ from .schemes import Newmark as Newmark
 from .schemes import Scheme as Scheme
 from .steps import AdaptiveStep as AdaptiveStep
 from .steps import FixedStep as FixedStep
-from .steps import StepSizeController as StepSizeController

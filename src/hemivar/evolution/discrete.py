@@ -21,7 +21,7 @@ from hemivar.discrete.potential import BodyEnergy, Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete_heat import DiscreteHeat, coupled_heat
+from hemivar.evolution.discrete_heat import coupling
 from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
@@ -29,16 +29,19 @@ from hemivar.fem.forms import FormProblem
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import SlipMeasure, Superpotential, VectorLaw
+from hemivar.laws import ContactLaw, PiecewiseQuadratic, SlipMeasure, Superpotential, VectorLaw
+from hemivar.laws.coupled import join_laws
 from hemivar.laws.memory import MemoryChain
 from hemivar.laws.normal_and_friction import with_friction
 from hemivar.laws.transformed.algebra import homogeneous
 from hemivar.linear.vectors import Vectors
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.thermal import Heat
 
 __all__ = [
     "DiscreteEvolution",
+    "DiscreteHeat",
     "ExternalData",
     "StepMatrices",
     "dampings",
@@ -65,6 +68,63 @@ class ExternalData(PickleMixin):
     law: VectorLaw
     #: Laws of the normal rate, where there are some.
     damping: Mapping[str, Superpotential] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteHeat(PickleMixin):
+    """Heat over the mesh of a body."""
+
+    heat: Heat
+    #: Of heat alone.
+    conduction: DiscreteEvolution
+    #: Force of nodal temperatures on the unknowns and on the prescribed displacements.
+    pull: sp.csr_array  # (n + k, nodes)
+    #: Contact point of the body at each contact point of the heat. A node that supports hold altogether is none: it has
+    #: the nearest one of the boundary if the conductance there asks for it, and else -1.
+    partner: IntArray  # (q,)
+    #: Parts of the heat of friction at the contact points of the body that go into the nodes.
+    entering: sp.csr_array  # (nodes, m)
+
+    @property
+    def fed_back(self) -> bool:
+        """Whether the motion says something to the heat."""
+        heat = self.heat
+        dependent = any(one.depends_on_state for one in heat.contact.values())
+        return dependent or bool(heat.coupling and heat.stresses) or self.entering.nnz > 0
+
+    def load(self, temperature: Array) -> Array:
+        """Force (n + k,) of nodal temperatures (nodes,)."""
+        return np.asarray(self.pull @ (temperature - self.heat.stress_free))
+
+    def temperature(self, place: Array) -> Array:
+        """Nodal temperatures (nodes,) of unknowns and prescribed temperatures."""
+        return self.conduction.full(place)[:, 0]
+
+    def rubbed(self, heat: Array) -> Array:
+        """Nodal heat (nodes,) of heat that friction makes at the contact points of the body (m,)."""
+        return np.asarray(self.entering @ heat)
+
+    def deformed(self, change: Array) -> Array:
+        """Nodal heat (nodes,) that a change (n + k,) of the displacement makes."""
+        return np.asarray(-self.heat.coupling * (self.pull.T @ change))
+
+    def law(self, stated: VectorLaw, penetration: Array, pressure: Array) -> VectorLaw:
+        """The exchange of heat where the body has penetration and pressure (m,)."""
+        here = self.partner >= 0
+        parts: list[tuple[VectorLaw, int]] = []
+        for name, index in self.conduction.blocks:
+            one = self.heat.contact[name]
+            if not one.depends_on_state:
+                parts.append((stated.take(index), index.size))
+                continue
+            met = here[index]
+            r, p = np.zeros(index.size), np.zeros(index.size)
+            r[met], p[met] = penetration[self.partner[index[met]]], pressure[self.partner[index[met]]]
+            h = np.where(met, one.conductances(r, p), 0.0)[:, None]
+            zero = np.zeros_like(h)
+            law = PiecewiseQuadratic(zero, np.hstack([h, h]), zero, name="conductance")
+            parts.append((ContactLaw(law).at(None), index.size))
+        return join_laws(parts) if parts else stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,7 +392,9 @@ def _heat(
     if evolution.heat is None:
         return None
     assert evolution.conduction is not None
-    return coupled_heat(stated, evolution.heat, problem, moved, discretize_evolution(evolution.conduction))
+    conduction = discretize_evolution(evolution.conduction)
+    parts = coupling(stated, evolution.heat, problem, moved, conduction.problem.contact)
+    return DiscreteHeat(evolution.heat, conduction, *parts)
 
 
 def _redistributed(mass: Operator, problem: DiscreteProblem, moved: IntArray) -> Operator:

@@ -2,99 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.thermal_stress import thermal_matrix
-from hemivar.laws import ContactLaw, PiecewiseQuadratic, VectorLaw
-from hemivar.laws.coupled import join_laws
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
-if TYPE_CHECKING:
-    from hemivar.evolution.discrete import DiscreteEvolution
-
-__all__ = ["DiscreteHeat", "coupled_heat"]
+__all__ = ["coupling"]
 
 
-@dataclass(frozen=True, eq=False)
-class DiscreteHeat(PickleMixin):
-    """Heat over the mesh of a body."""
+def coupling(
+    stated: ContactProblem, heat: Heat, problem: DiscreteProblem, moved: IntArray, exchanged: ContactPoints
+) -> tuple[sp.csr_array, IntArray, sp.csr_array]:
+    """Pull, partner and entering of :class:`hemivar.evolution.discrete.DiscreteHeat`.
 
-    heat: Heat
-    #: Of heat alone.
-    conduction: DiscreteEvolution
-    #: Force of nodal temperatures on the unknowns and on the prescribed displacements.
-    pull: sp.csr_array  # (n + k, nodes)
-    #: Contact point of the body at each contact point of the heat. A node that supports hold altogether is none: it has
-    #: the nearest one of the boundary if the conductance there asks for it, and else -1.
-    partner: IntArray  # (q,)
-    #: Parts of the heat of friction at the contact points of the body that go into the nodes.
-    entering: sp.csr_array  # (nodes, m)
-
-    @property
-    def fed_back(self) -> bool:
-        """Whether the motion says something to the heat."""
-        heat = self.heat
-        dependent = any(one.depends_on_state for one in heat.contact.values())
-        return dependent or bool(heat.coupling and heat.stresses) or self.entering.nnz > 0
-
-    def load(self, temperature: Array) -> Array:
-        """Force (n + k,) of nodal temperatures (nodes,)."""
-        return np.asarray(self.pull @ (temperature - self.heat.stress_free))
-
-    def temperature(self, place: Array) -> Array:
-        """Nodal temperatures (nodes,) of unknowns and prescribed temperatures."""
-        return self.conduction.full(place)[:, 0]
-
-    def rubbed(self, heat: Array) -> Array:
-        """Nodal heat (nodes,) of heat that friction makes at the contact points of the body (m,)."""
-        return np.asarray(self.entering @ heat)
-
-    def deformed(self, change: Array) -> Array:
-        """Nodal heat (nodes,) that a change (n + k,) of the displacement makes."""
-        return np.asarray(-self.heat.coupling * (self.pull.T @ change))
-
-    def law(self, stated: VectorLaw, penetration: Array, pressure: Array) -> VectorLaw:
-        """The exchange of heat where the body has penetration and pressure (m,)."""
-        here = self.partner >= 0
-        parts: list[tuple[VectorLaw, int]] = []
-        for name, index in self.conduction.blocks:
-            one = self.heat.contact[name]
-            if not one.depends_on_state:
-                parts.append((stated.take(index), index.size))
-                continue
-            met = here[index]
-            r, p = np.zeros(index.size), np.zeros(index.size)
-            r[met], p[met] = penetration[self.partner[index[met]]], pressure[self.partner[index[met]]]
-            h = np.where(met, one.conductances(r, p), 0.0)[:, None]
-            zero = np.zeros_like(h)
-            law = PiecewiseQuadratic(zero, np.hstack([h, h]), zero, name="conductance")
-            parts.append((ContactLaw(law).at(None), index.size))
-        return join_laws(parts) if parts else stated
-
-
-def coupled_heat(
-    stated: ContactProblem, heat: Heat, problem: DiscreteProblem, moved: IntArray, conduction: DiscreteEvolution
-) -> DiscreteHeat:
-    """The heat of a body.
-
-    ``moved`` is (k,).
+    ``moved`` is (k,); ``exchanged`` are the contact points of the heat.
     """
     field = problem.field
     assert field is not None
     matrix = thermal_matrix(stated, heat)
     pull = sp.csr_array(sp.vstack([field.basis.T @ matrix, matrix[moved]]))
-    contact, exchanged = problem.contact, conduction.problem.contact
-    return DiscreteHeat(heat, conduction, pull, _partners(heat, contact, exchanged), _entering(stated, heat, contact))
+    return pull, _partners(heat, problem.contact, exchanged), _entering(stated, heat, problem.contact)
 
 
 def _entering(stated: ContactProblem, heat: Heat, contact: ContactPoints) -> sp.csr_array:

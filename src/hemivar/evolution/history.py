@@ -256,7 +256,7 @@ class History(PickleMixin, ReprMixin):
 
     def write(self, path: str | Path) -> tuple[Path, ...]:
         """Write ``.pvd`` (frames), ``.csv``, ``.parquet`` or ``.json`` (table), see
-        :func:`hemivar.files.write_history`; returns the files."""
+        :func:`hemivar.files.history_table.write_history`; returns the files."""
         written: tuple[Path, ...] = above("History.write")(self, path)
         return written
 

@@ -19,7 +19,8 @@ from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import SCHEMES, ImplicitEuler, Scheme
 from hemivar.evolution.steps import FixedStep, StepSizeController
-from hemivar.solvers import Controls, Solver, as_method
+from hemivar.solvers import Controls, Solver
+from hemivar.solvers.methods import as_method
 
 __all__ = ["March", "refuse_plan"]
 

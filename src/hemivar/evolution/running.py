@@ -41,7 +41,8 @@ from hemivar.evolution.steps import StepSizeState
 from hemivar.evolution.thermal_stepper import stepper_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
 from hemivar.mechanics.foundation import Contact
-from hemivar.solvers import Controls, Solver, Status, method_for
+from hemivar.solvers import Controls, Solver, Status
+from hemivar.solvers.solve import method_for
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Backend", "StepEvent", "TimeLoop"]

@@ -11,8 +11,7 @@ import numpy as np
 from hemivar.basics.anderson import Anderson
 from hemivar.basics.types import Array
 from hemivar.evolution.data_in_time import ChangedData, DataInTime
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
-from hemivar.evolution.discrete_heat import DiscreteHeat
+from hemivar.evolution.discrete import DiscreteEvolution, DiscreteHeat, ExternalData
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Midpoint, Scheme

@@ -17,7 +17,7 @@ from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import hoop_matrices, ring_length
-from hemivar.kernels import BlockGraph
+from hemivar.kernels.mesh_sums import BlockGraph
 from hemivar.mechanics.conditions import (
     DataField,
     Pressure,

@@ -53,7 +53,7 @@ def discretize(
     inclined rollers the free tangents; elsewhere the Cartesian axes. Where two bodies touch, unknowns of the slave
     are its jumps, normal and tangential, and its nodes follow the master at jumps zero. ``K = P' Kf P``,
     ``f = P'(F - Kf u0)``; gap and slip offset take up ``u0``. A bedding of the body is part of K, and a body with one
-    has no free motions. A body that is not linear has a :class:`hemivar.discrete.Potential` in the place of K, and its
+    has no free motions. A body that is not linear has a :class:`.Potential` in the place of K, and its
     internal forces at ``u0`` in that of ``Kf u0``; its ``u0`` is the displacement of the linear body without strain
     that follows the supports, for supports that move alone would strain the cells beside them the more the finer the
     mesh is.

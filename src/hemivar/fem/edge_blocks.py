@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.kernels import BlockGraph
+from hemivar.kernels.mesh_sums import BlockGraph
 from hemivar.mesh.keys import EDGES, distinct_pairs
 from hemivar.mesh.mesh import Mesh
 

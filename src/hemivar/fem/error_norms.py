@@ -14,7 +14,8 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.rings import ring_length
-from hemivar.formula import TIME, Formula
+from hemivar.formula import Formula
+from hemivar.formula.reader import TIME
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 

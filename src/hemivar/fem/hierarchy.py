@@ -11,8 +11,8 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
-from hemivar.discrete.operator_family import Composition, OperatorFamily
-from hemivar.discrete.potential import Potential, Tangent
+from hemivar.discrete.operator_family import Composition, OperatorFamily, Tangent
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.fem.contact_points import BoundaryContact

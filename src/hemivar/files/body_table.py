@@ -11,7 +11,7 @@ from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.schema import check_named, decode, encode
 from hemivar.files.toml import TomlTable, context, kind
-from hemivar.formula import VARIABLES
+from hemivar.formula.reader import VARIABLES
 from hemivar.laws.registry import NORMAL_LAWS
 from hemivar.mechanics.conditions import SUPPORTS, Fixed, Prescribed, Pressure, ScalarData, Support
 from hemivar.mechanics.statement import ContactProblem

@@ -18,7 +18,8 @@ from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import quantity_record
 from hemivar.files.schema import check_named, decode, encode, read_arguments, written
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
-from hemivar.formula import Formula, ScalarFormula
+from hemivar.formula import Formula
+from hemivar.formula.formula import ScalarFormula
 from hemivar.laws import (
     CoulombBound,
     Friction,

@@ -16,7 +16,8 @@ from hemivar.evolution.history import History
 from hemivar.files.snapshot import snapshot
 from hemivar.files.vtu import CELL_TYPES
 from hemivar.mesh.vtu_grid import CellGrid, GridBlock, read_vtu
-from hemivar.solvers import ContactStates, NormalState, TangentialState
+from hemivar.solvers import NormalState, TangentialState
+from hemivar.solvers.contact_states import ContactStates
 
 __all__ = ["Film", "FilmFrame", "film_of", "read_film"]
 

@@ -16,7 +16,8 @@ from hemivar.errors import ProblemError
 from hemivar.files.schema import decode, encode
 from hemivar.files.toml import TomlTable, context, kind, printable
 from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
-from hemivar.mesh import Assembly, Grid, Marking, Mesh, MeshRecipe, Opening
+from hemivar.mesh import Mesh
+from hemivar.mesh.recipe import Assembly, Grid, Marking, MeshRecipe, Opening
 
 #: What a mesh is made of, of which one is given.
 _SOURCES = ("rectangle", "box", "file")

@@ -9,7 +9,8 @@ import numpy as np
 
 from hemivar.basics.arguments import described, shortened
 from hemivar.errors import ProblemError
-from hemivar.formula import Formula, ScalarFormula
+from hemivar.formula import Formula
+from hemivar.formula.formula import ScalarFormula
 from hemivar.mesh import Mesh
 
 __all__ = ["difference", "not_expressible"]

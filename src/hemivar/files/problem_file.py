@@ -44,7 +44,9 @@ from hemivar.files.toml import KEYS, KEYS_OF_ONE, TomlTable, context, printable,
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mechanics.thermal import Heat
-from hemivar.mesh import Mesh, MeshRecipe, msh_text
+from hemivar.mesh import Mesh
+from hemivar.mesh.recipe import MeshRecipe
+from hemivar.mesh.write import msh_text
 from hemivar.solvers import METHODS, Controls, Solver
 
 __all__ = [

@@ -18,7 +18,8 @@ from hemivar.basics.types import Array, Record
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.solvers import BoundaryResult, Solution
+from hemivar.solvers import Solution
+from hemivar.solvers.boundary_result import BoundaryResult
 
 __all__ = [
     "MOST_BYTES",
@@ -55,7 +56,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     on the body in local components) and ``force``, the global vector of the force of the foundation on the body,
     ``-sum_j w_j (lam_nu nu + lam_tau)`` with the multiplier lam; null where the problem has no frames.  ``boundaries``
     holds for each contact boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the
-    force of each support on the body, by name, null where it is not known (:func:`hemivar.fem.support_reactions`).
+    force of each support on the body, by name, null where it is not known (:func:`.support_reactions`).
     Where bodies touch each other, ``contact_forces`` holds the force on each side by name.
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),

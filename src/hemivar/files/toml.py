@@ -18,13 +18,14 @@ from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
-from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
+from hemivar.formula import Formula, FormulaArray
+from hemivar.formula.reader import TIME, VARIABLES
 from hemivar.mechanics.conditions import Pressure
 from hemivar.mechanics.linear_material import Anisotropic, Young
 from hemivar.mechanics.material_registry import MATERIAL_LAWS
 from hemivar.mechanics.single_material import IN_TIME, SingleMaterial
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.mesh import MeshRecipe
+from hemivar.mesh.recipe import MeshRecipe
 
 __all__ = [
     "KEYS",

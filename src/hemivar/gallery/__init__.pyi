@@ -1,18 +1,12 @@
 """The public names of ``hemivar.gallery`` and where each comes from; loaded on first use."""
 
-from .evolution_examples import SCREWED_ARCH_DATA as SCREWED_ARCH_DATA
-from .evolution_examples import ScrewedArchData as ScrewedArchData
 from .evolution_examples import screwed_arch as screwed_arch
 from .evolution_examples import viscoelastic_beam as viscoelastic_beam
 from .known import BEAM_DISPLACEMENTS as BEAM_DISPLACEMENTS
-from .known import KnownProblem as KnownProblem
 from .known import beam as beam
 from .known import elastic_bar as elastic_bar
-from .known import elastic_bar_penetrations as elastic_bar_penetrations
 from .known import manufactured_spring as manufactured_spring
-from .known import weighted_block as weighted_block
 from .known_evolutions import EarthquakeSlider as EarthquakeSlider
-from .known_evolutions import KnownEvolution as KnownEvolution
 from .known_evolutions import StickSlip as StickSlip
 from .known_evolutions import VelocityStep as VelocityStep
 from .known_evolutions import bonded_block as bonded_block
@@ -23,14 +17,12 @@ from .known_evolutions import penetration_memory_block as penetration_memory_blo
 from .known_evolutions import relaxing_block as relaxing_block
 from .known_evolutions import sliding_block as sliding_block
 from .known_evolutions import wearing_block as wearing_block
-from .moving_bodies import CANTILEVER as CANTILEVER
 from .moving_bodies import ManufacturedMotion as ManufacturedMotion
 from .moving_bodies import MindlinSphere as MindlinSphere
 from .moving_bodies import bar_on_wall as bar_on_wall
 from .moving_bodies import moving_bar as moving_bar
 from .moving_bodies import thrown_bar as thrown_bar
 from .moving_bodies import viscoelastic_cantilever as viscoelastic_cantilever
-from .nonlinear_bodies import HenckyConstants as HenckyConstants
 from .nonlinear_bodies import hencky_block as hencky_block
 from .nonlinear_bodies import hencky_ring as hencky_ring
 from .nonmonotone import broken_foundation as broken_foundation
@@ -40,15 +32,11 @@ from .nonmonotone import shear_block as shear_block
 from .nonmonotone import shear_block_slips as shear_block_slips
 from .nonmonotone import shear_column as shear_column
 from .nonmonotone import softening_block as softening_block
-from .scalar_problems import KnownScalarProblem as KnownScalarProblem
 from .scalar_problems import antiplane_friction as antiplane_friction
 from .scalar_problems import membrane_obstacle as membrane_obstacle
 from .scalar_problems import membrane_radius as membrane_radius
-from .survey_problems import SURVEY_DATA as SURVEY_DATA
-from .survey_problems import SurveyData as SurveyData
 from .survey_problems import survey as survey
 from .survey_problems import survey_cube as survey_cube
 from .survey_problems import survey_cube_logarithmic as survey_cube_logarithmic
 from .survey_problems import survey_logarithmic as survey_logarithmic
-from .thermal_problems import WarmBody as WarmBody
 from .thermal_problems import thermoviscoelastic as thermoviscoelastic

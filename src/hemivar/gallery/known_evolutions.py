@@ -32,8 +32,8 @@ from hemivar.laws import (
     Tresca,
     Wear,
 )
-from hemivar.mechanics import Branch, Contact, ContactProblem, Fixed, Material, Prescribed, Roller, Support
-from hemivar.mechanics.conditions import ScalarData
+from hemivar.mechanics import Branch, Contact, ContactProblem, Fixed, Material, Prescribed, Roller
+from hemivar.mechanics.conditions import ScalarData, Support
 from hemivar.mechanics.moduli import Number
 from hemivar.mesh import rectangle
 

@@ -14,7 +14,8 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution
 from hemivar.laws import Compliance, NoContact, Signorini, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Roller, Support
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Roller
+from hemivar.mechanics.conditions import Support
 from hemivar.mesh import Mesh, box, rectangle
 
 __all__ = [

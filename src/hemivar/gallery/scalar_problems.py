@@ -15,7 +15,9 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Signorini, Tresca
-from hemivar.mechanics import ContactProblem, ScalarContact, ScalarKind, ScalarProblem, Side
+from hemivar.mechanics import ContactProblem, ScalarContact, ScalarProblem
+from hemivar.mechanics.foundation import Side
+from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mesh import rectangle
 
 __all__ = ["KnownScalarProblem", "antiplane_friction", "membrane_obstacle", "membrane_radius"]

@@ -213,7 +213,7 @@ class Fit(PickleMixin):
         raise ProblemError(f"'{key}' was not fitted; fitted were {', '.join(one.key for one in self.parameters)}")
 
     def plot(self, *, title: str | None = None) -> Figure:
-        """Curve, fit, what is left, and intervals; see :func:`hemivar.identification.plot_fit`."""
+        """Curve, fit, what is left, and intervals; see :func:`.plot_fit`."""
         figure: Figure = above("Fit.plot")(self, title=title)
         return figure
 

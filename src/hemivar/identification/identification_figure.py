@@ -8,7 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import BoolArray
 from hemivar.errors import ProblemError
-from hemivar.identification import Fit
+from hemivar.identification.fit import Fit
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 from hemivar.report.summary import Summary

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.kernels import Kernels, kernels
+from hemivar.kernels import kernels
+from hemivar.kernels.library import Kernels
 
 if TYPE_CHECKING:
-    from hemivar.laws.friction import Friction
     from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["CompiledLaw", "LaidOut", "lay_out"]
@@ -116,15 +116,15 @@ class CompiledLaw:
         raise TypeError("compiled laws belong to this process")
 
     @classmethod
-    def of(cls, normal: Superpotential, friction: Friction) -> Self | None:
-        """None where the kernels are not there, or do not know such a law."""
+    def of(cls, normal: Superpotential, slip: Superpotential, bounds: Array) -> Self | None:
+        """A normal law, and friction by its profile and bounds; None where no kernels are there or know such laws."""
         library = kernels()
-        profile = None if library is None else friction.profile.laid_out
+        profile = None if library is None else slip.laid_out
         own = None if profile is None else normal.laid_out
         if library is None or profile is None or own is None:
             return None
-        slip = profile.times(friction.bounds)
-        return cls(library, own, slip) if own.fits and slip.fits else None
+        friction = profile.times(bounds)
+        return cls(library, own, friction) if own.fits and friction.fits else None
 
     def value(self, r: Array) -> Array:
         """As :meth:`hemivar.laws.ContactLaw.value`; so are the others."""

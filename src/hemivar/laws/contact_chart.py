@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.minimisers import knot_forces
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Chart, OnGraph
-
-if TYPE_CHECKING:
-    from hemivar.laws.contact_law import ContactLaw
 
 __all__ = ["ContactChart", "GraphTables"]
 
@@ -39,20 +36,20 @@ _STEPS, _EXACT = 100, 1e-7
 class ContactChart(Chart):
     """The chart of a law that splits."""
 
-    law: ContactLaw
     tables: GraphTables  # of both parts; of the penetration alone where a bound depends on the state
     slip: GraphTables | None = None  # of friction with the bound 1, there
+    bound: StateBound | None = None  # on the friction, there
     part: float = 1.0  # of such a bound that counts
 
     def at(self, p: Array, near: Array | None = None) -> OnGraph:
         pull = _lengths(p)
         size = None if near is None else _lengths(near)
-        if self.slip is None:
+        if self.slip is None or self.bound is None:
             return self._placed(p, pull, *self.tables.at(pull, size))
         first, second = (None, None) if size is None else (size[:, :1], size[:, 1:])
         normal = self.tables.at(pull[:, :1], first)
         place, pressure, moves = (x[:, 0] for x in normal)
-        bound, slopes = self._bound.value(place, pressure), self._bound.slopes(place, pressure)
+        bound, slopes = self.bound.value(place, pressure), self.bound.slopes(place, pressure)
         slip = self.slip.times(self.part * bound).at(pull[:, 1:], second)
         both = [np.concatenate(pair, axis=1) for pair in zip(normal, slip, strict=True)]
         on = self._placed(p, pull, *both)
@@ -75,17 +72,11 @@ class ContactChart(Chart):
         jacobian[:, 1:, 1:] = block
         return OnGraph(_along(r, heading), _along(lam, heading), jacobian)
 
-    @property
-    def _bound(self) -> StateBound:
-        bound = self.law.friction.bound
-        assert isinstance(bound, StateBound)
-        return bound
-
     def _columns(self, r: Array, lam: Array) -> list[tuple[GraphTables, slice]]:
         """Tables under the bounds of pairs (m, c), with the columns that are theirs."""
-        if self.slip is None:
+        if self.slip is None or self.bound is None:
             return [(self.tables, slice(None))]
-        bound = self.part * self._bound.value(r[:, 0], lam[:, 0])
+        bound = self.part * self.bound.value(r[:, 0], lam[:, 0])
         return [(self.tables, slice(1)), (self.slip.times(bound), slice(1, None))]
 
     def bounded(self, part: float) -> ContactChart | None:

@@ -86,7 +86,8 @@ class ContactLaw(NormalAndFriction):
     @cached_property
     def _compiled(self) -> CompiledLaw | None:
         """The law in the compiled kernels; None where these are not there, or do not know it."""
-        return None if self.state_dependent else CompiledLaw.of(self.normal, self.friction)
+        friction = self.friction
+        return None if self.state_dependent else CompiledLaw.of(self.normal, friction.profile, friction.bounds)
 
     def scalar_laws(self, components: int) -> tuple[Superpotential, ...]:
         """The normal law, and the tangential one where there are tangents."""
@@ -255,7 +256,8 @@ class ContactLaw(NormalAndFriction):
         slip = GraphTables.of((self.friction.profile,), a[:, 1:]) if apart else None
         if tables is None or (apart and slip is None):
             return super().chart(a, components)
-        return ContactChart(self, a, tables, slip)
+        bound = self.friction.bound
+        return ContactChart(self, a, tables, slip, bound if apart and isinstance(bound, StateBound) else None)
 
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape

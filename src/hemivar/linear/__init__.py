@@ -1,5 +1,5 @@
 """Matrices in, solvers out: multigrid hierarchies, factorisations, conjugate gradients."""
 
-from hemivar.linear.multilevel import GridLevel, Hierarchy
+from hemivar.linear.multilevel import Hierarchy
 
-__all__ = ["GridLevel", "Hierarchy"]
+__all__ = ["Hierarchy"]

@@ -5,16 +5,13 @@ from __future__ import annotations
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.kernels import Kernels, expect_list
-
-if TYPE_CHECKING:
-    from hemivar.linear.levels import Transfer
+from hemivar.kernels.library import Kernels, expect_list
+from hemivar.linear.truncated_level import Transfer
 
 __all__ = ["CompiledLevels", "CompiledTruncation", "NodeSlots"]
 

@@ -10,7 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.kernels import Kernels, kernels
+from hemivar.kernels import kernels
+from hemivar.kernels.library import Kernels
 from hemivar.linear.condensed_load import CondensedLoad
 from hemivar.linear.pardiso import PardisoFactorisation, pardiso_available
 from hemivar.linear.superlu import LUFactors, superlu

@@ -23,7 +23,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.kernels import kernels as compiled_kernels
 from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
 from hemivar.linear.products import product
-from hemivar.linear.truncated_level import CoarseChange, Level, Points, TruncatedLevel, narrow, sweeps
+from hemivar.linear.truncated_level import CoarseChange, Level, Points, Transfer, TruncatedLevel, sweeps
 
 __all__ = ["COARSEST", "LevelMatrix", "Levels", "Preconditioner", "Transfer", "Truncated"]
 
@@ -39,23 +39,6 @@ _MOSTLY = 0.3
 _LATE = 4
 #: Part of a residual that a cycle in single precision may leave, and how often more than that before it is given up.
 _SLOW, _PATIENCE = 0.8, 2
-
-
-@dataclass(frozen=True, eq=False)
-class Transfer:
-    """Prolongation from one level to the next finer one, and its transpose."""
-
-    prolongation: sp.csr_array  # (n_fine, n_coarse)
-
-    @cached_property
-    def restriction(self) -> sp.csr_array:
-        """Its transpose, shape (n_coarse, n_fine); the compiled cycle has one of its own."""
-        return narrow(sp.csr_array(self.prolongation.T))
-
-    @staticmethod
-    def of(prolongation: sp.csr_array) -> Transfer:
-        """With indices as the compiled kernels ask for."""
-        return Transfer(narrow(prolongation))
 
 
 class Levels:

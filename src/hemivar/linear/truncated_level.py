@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.linear.products import diagonal
 
-__all__ = ["CoarseChange", "Coupling", "Level", "Points", "TruncatedLevel", "narrow", "sweeps"]
+__all__ = ["CoarseChange", "Coupling", "Level", "Points", "Transfer", "TruncatedLevel", "narrow", "sweeps"]
 
 
 class Coupling:
@@ -239,6 +240,23 @@ class TruncatedLevel:
         if gone.any():
             matrix = sp.csr_array(matrix + sp.diags_array(np.where(gone, before, 0.0)))
         self._matrix = narrow(matrix)
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """Prolongation from one level to the next finer one, and its transpose."""
+
+    prolongation: sp.csr_array  # (n_fine, n_coarse)
+
+    @cached_property
+    def restriction(self) -> sp.csr_array:
+        """Its transpose, shape (n_coarse, n_fine); the compiled cycle has one of its own."""
+        return narrow(sp.csr_array(self.prolongation.T))
+
+    @staticmethod
+    def of(prolongation: sp.csr_array) -> Transfer:
+        """With indices as the compiled kernels ask for."""
+        return Transfer(narrow(prolongation))
 
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:

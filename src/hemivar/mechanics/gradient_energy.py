@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,7 +15,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST
 
-__all__ = ["FluxDensity", "GradientEnergy", "PowerLaw", "Profile", "SaturatingFlux"]
+__all__ = ["Coefficient", "FluxDensity", "GradientEnergy", "PowerLaw", "Profile", "SaturatingFlux"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,10 @@ class GradientEnergy(PickleMixin, ABC):
             given = number(value, f"{type(self).__name__}.{name}", "give a positive number")
             if not 1.0 / LARGEST < given < LARGEST:
                 raise ProblemError(f"{type(self).__name__}.{name} = {value:g}; it must be positive")
+
+
+#: A number, a tensor (d, d), a function of points (k, d) that returns either at each, or an energy of the gradient.
+Coefficient = float | Array | Callable[[Array], object] | GradientEnergy
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,17 +15,14 @@ from hemivar.basics.stated import Form, Stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, DataField
-from hemivar.mechanics.gradient_energy import FluxDensity, GradientEnergy
+from hemivar.mechanics.gradient_energy import Coefficient, FluxDensity, GradientEnergy
 from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_description import MaterialDescription
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import Regional, at_place, by_region, checked_per_volume, constant_of, refuse_unknown
 
-__all__ = ["Coefficient", "GradientMaterial"]
-
-#: A number, a tensor (d, d), a function of points (k, d) that returns either at each, or an energy of the gradient.
-Coefficient = float | Array | Callable[[Array], object] | GradientEnergy
+__all__ = ["GradientMaterial"]
 
 
 def _by_kind(form: Form, keys: Mapping[ScalarKind, str], **how: float | None) -> Mapping[str, Stated]:

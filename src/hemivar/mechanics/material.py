@@ -17,7 +17,7 @@ from hemivar.mechanics.material_words import BoundsBy, PlaneState, ScalarKind, S
 from hemivar.mechanics.moduli import InTime, Number
 
 if TYPE_CHECKING:
-    from hemivar.mechanics.gradient_material import Coefficient
+    from hemivar.mechanics.gradient_energy import Coefficient
     from hemivar.mechanics.material_description import MaterialDescription
     from hemivar.mechanics.per_volume import Regional
 

@@ -21,7 +21,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws import Friction, NoContact, NoFriction, Superpotential
 from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
 from hemivar.mechanics.foundation import Contact, Side
-from hemivar.mechanics.gradient_material import Coefficient
+from hemivar.mechanics.gradient_energy import Coefficient
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import Regional, refuse_unknown

@@ -23,7 +23,7 @@ from hemivar.laws import NoContact, PiecewiseQuadratic, Superpotential
 from hemivar.laws.consistency import check_own
 from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
 from hemivar.mechanics.foundation import Contact
-from hemivar.mechanics.gradient_material import Coefficient
+from hemivar.mechanics.gradient_energy import Coefficient
 from hemivar.mechanics.instants import law_depends_on_time
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import Regional, checked_per_volume, refuse_unknown

@@ -13,8 +13,7 @@ from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.keys import EDGES, cell_facets, facet_keys, frozen, shared_facets, signed_volumes
-from hemivar.mesh.parts import cell_parts
+from hemivar.mesh.keys import EDGES, cell_facets, cell_parts, facet_keys, frozen, shared_facets, signed_volumes
 
 __all__ = [
     "check_cells",

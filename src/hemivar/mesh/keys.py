@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
@@ -14,6 +16,7 @@ __all__ = [
     "EDGES",
     "FACETS",
     "cell_facets",
+    "cell_parts",
     "distinct_pairs",
     "equal_rows",
     "facet_keys",
@@ -144,3 +147,13 @@ def signed_volumes(points: Array, cells: IntArray) -> Array:
             (a, b, c), (d, e, f), (g, h, i) = side
             volumes[part] = (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)) / 6.0
     return volumes
+
+
+def cell_parts(cells: IntArray, nodes: int) -> tuple[int, IntArray]:
+    """The number of parts, and the part of each cell (M, d + 1) of a mesh of so many nodes."""
+    _, keys, cell = cell_facets(cells, nodes)
+    first, second = shared_facets(keys)
+    shape = (len(cells), len(cells))
+    graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (cell[first], cell[second])), shape=shape)
+    count, label = connected_components(graph, directed=False)
+    return int(count), label.astype(np.int64)

@@ -1,4 +1,4 @@
-"""Kinds of elements that mesh files hold: their corners, edges and faces.
+"""Kinds of elements that mesh files hold: their corners, edges and faces, and their parts where edges are halved.
 
 Nodes are numbered as in VTK: corners first, then the middles of the edges in the order of ``Shape.edges``.  Middles of
 faces and cells may follow; they are not used.
@@ -9,7 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise, product
 
-__all__ = ["CODES", "KINDS", "SHAPES", "VTK_KINDS", "ElementKind", "Shape", "unknown_kind"]
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+
+__all__ = ["CODES", "KINDS", "SHAPES", "VTK_KINDS", "ElementKind", "Shape", "red_tetrahedra", "unknown_kind"]
 
 _TRIANGLE = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
 #: Numbers of the 27 nodes of a hexahedron by their places along x, y and z.
@@ -37,7 +41,7 @@ class Shape:
     children : tuple of pair
         Shape and nodes of each part of the element cut at the middles of its edges.  After these middles come those of
         its quadrilateral faces, in their order, and of a hexahedron itself.  Tetrahedra are cut by
-        :func:`hemivar.mesh.refine.red_tetrahedra`.
+        :func:`red_tetrahedra`.
     """
 
     name: str
@@ -158,3 +162,25 @@ def unknown_kind(name: str) -> str:
         f"it holds cells of type {name}, which are not read; mesh with triangles, quadrilaterals, tetrahedra, "
         "hexahedra, wedges or pyramids of order 1 or 2"
     )
+
+
+def red_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
+    """Eight children of each tetrahedron, positively oriented.
+
+    The octahedron inside is cut along the diagonal between the midpoints of 02 and 13, for which tetrahedra are turned
+    if another diagonal is shorter.  The k-th child of cell c of M is row ``c + k M``.
+    """
+    ends = ((2, 4), (1, 3), (0, 5))
+    lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
+    shortest = np.argmin([lengths[0] * (1.0 - 2e-9), lengths[1] * (1.0 - 1e-9), lengths[2]], axis=0)
+    v, e = cells.copy(), middles.copy()
+    for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
+        turned = np.flatnonzero(shortest == way)
+        v[turned] = cells[turned][:, corners]
+        e[turned] = middles[turned][:, edges]
+    (v0, v1, v2, v3), (e01, e12, e02, e03, e13, e23) = v.T, e.T
+    children = [
+        (v0, e01, e02, e03), (e01, v1, e12, e13), (e02, e12, v2, e23), (e03, e13, e23, v3),
+        (e01, e02, e03, e13), (e02, e12, e13, e01), (e02, e03, e13, e23), (e12, e13, e23, e02),
+    ]  # fmt: skip
+    return np.vstack([np.column_stack(child) for child in children])

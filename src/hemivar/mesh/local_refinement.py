@@ -21,7 +21,8 @@ from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.checks import index_array
 from hemivar.mesh.keys import EDGES, frozen
-from hemivar.mesh.refine import Refinement, red_tetrahedra
+from hemivar.mesh.kinds import red_tetrahedra
+from hemivar.mesh.refine import Refinement
 
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh

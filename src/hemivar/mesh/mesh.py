@@ -17,8 +17,8 @@ from hemivar.basics.memory import mesh_bytes, refined_cells, require
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.formula import Condition
-from hemivar.kernels import mesh_edges
+from hemivar.formula.condition import Condition
+from hemivar.kernels.mesh_sums import mesh_edges
 from hemivar.mesh.assembled import assembled
 from hemivar.mesh.checks import (
     check_cells,

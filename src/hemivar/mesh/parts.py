@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.mesh.keys import cell_facets, shared_facets
+from hemivar.mesh.keys import cell_parts
 
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Parts", "cell_parts", "parts_of"]
+__all__ = ["Parts", "parts_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +57,3 @@ def parts_of(mesh: Mesh) -> Parts:
         coarse = mesh.parent.mesh.parts
         return Parts(coarse.count, coarse.cell[mesh.parent.cells])
     return Parts(*cell_parts(mesh.cells, mesh.number_of_nodes))
-
-
-def cell_parts(cells: IntArray, nodes: int) -> tuple[int, IntArray]:
-    """The number of parts, and the part of each cell (M, d + 1) of a mesh of so many nodes."""
-    _, keys, cell = cell_facets(cells, nodes)
-    first, second = shared_facets(keys)
-    shape = (len(cells), len(cells))
-    graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (cell[first], cell[second])), shape=shape)
-    count, label = connected_components(graph, directed=False)
-    return int(count), label.astype(np.int64)

@@ -44,7 +44,7 @@ class Grid:
     def build(self, halvings: int = 0) -> Mesh:
         """The mesh, with numbers of cells halved so many times."""
         with IMPORTS:
-            from hemivar.mesh import box, rectangle
+            from hemivar.mesh.build import box, rectangle
 
         size, cells, origin = self.size, tuple(n >> halvings for n in self.cells), self.origin
         if len(size) == 3:
@@ -178,7 +178,7 @@ class MeshRecipe:
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times (0 for files)."""
         with IMPORTS:
-            from hemivar.mesh import read_mesh
+            from hemivar.mesh.read import read_mesh
 
         mesh = read_mesh(self.source) if isinstance(self.source, Path) else self.source.build(halvings)
         if self.scale != 1.0:

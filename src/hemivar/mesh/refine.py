@@ -15,11 +15,12 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.checks import index_array
 from hemivar.mesh.keys import facet_measures, frozen, signed_volumes
+from hemivar.mesh.kinds import red_tetrahedra
 
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Refinement", "check_refines", "halved", "red_tetrahedra"]
+__all__ = ["Refinement", "check_refines", "halved"]
 
 #: Part of the size of a mesh by which a node may be off, and of a facet or cell that may be left uncovered.
 _ROUNDING, _COVERED = 1e-12, 1e-6
@@ -151,25 +152,3 @@ def halved(mesh: Mesh) -> Mesh:
     parent = Refinement(mesh, frozen(np.vstack([own, mesh.edges])), frozen(parents))
     recipe = None if mesh.recipe is None else mesh.recipe.refined()
     return mesh.trusted(points, cells, boundaries, regions, parent, recipe, interfaces, mesh.reading)
-
-
-def red_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
-    """Eight children of each tetrahedron, positively oriented.
-
-    The octahedron inside is cut along the diagonal between the midpoints of 02 and 13, for which tetrahedra are turned
-    if another diagonal is shorter.  The k-th child of cell c of M is row ``c + k M``.
-    """
-    ends = ((2, 4), (1, 3), (0, 5))
-    lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
-    shortest = np.argmin([lengths[0] * (1.0 - 2e-9), lengths[1] * (1.0 - 1e-9), lengths[2]], axis=0)
-    v, e = cells.copy(), middles.copy()
-    for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
-        turned = np.flatnonzero(shortest == way)
-        v[turned] = cells[turned][:, corners]
-        e[turned] = middles[turned][:, edges]
-    (v0, v1, v2, v3), (e01, e12, e02, e03, e13, e23) = v.T, e.T
-    children = [
-        (v0, e01, e02, e03), (e01, v1, e12, e13), (e02, e12, v2, e23), (e03, e13, e23, v3),
-        (e01, e02, e03, e13), (e02, e12, e13, e01), (e02, e03, e13, e23), (e12, e13, e23, e02),
-    ]  # fmt: skip
-    return np.vstack([np.column_stack(child) for child in children])

@@ -17,9 +17,8 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import equal_rows, pair_keys, signed_volumes
-from hemivar.mesh.kinds import KINDS, SHAPES, Shape
+from hemivar.mesh.kinds import KINDS, SHAPES, Shape, red_tetrahedra
 from hemivar.mesh.raw import RawMesh
-from hemivar.mesh.refine import red_tetrahedra
 
 __all__ = ["Simplices", "cones", "cut_at_least", "simplices"]
 

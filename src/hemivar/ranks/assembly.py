@@ -28,6 +28,7 @@ from hemivar.ranks.body_on_ranks import BodyOnRanks, compliance_of
 from hemivar.ranks.matrices import assembled, hold, near_null_space, row_sums
 from hemivar.ranks.nodes import NodesOnRanks
 from hemivar.ranks.pieces import Piece
+from hemivar.ranks.preconditioner import Multigrid
 from hemivar.ranks.ranks import Ranks, shared
 from hemivar.ranks.stiffness import Stiffness
 from hemivar.ranks.stored_on_ranks import StoredOnRanks
@@ -152,6 +153,7 @@ def assemble(
         unknowns=int(unknowns),
         contact_points=int(points),
         warnings=_warnings(ranks, own, contact, piece),
+        cycle=Multigrid,
         coarser=coarser,
         stored=None if stated.material.linear else StoredOnRanks(nodes, found.stored, float(stored), reaction),
     )

@@ -15,8 +15,7 @@ from hemivar.certificates import Certificate, EnergyNorm
 from hemivar.certificates.bound import Point
 from hemivar.certificates.by_multigrid import Mode, SolveByCycles
 from hemivar.certificates.certificate import ESTIMATE, certified
-from hemivar.ranks.body_on_ranks import BodyOnRanks
-from hemivar.ranks.discrete_on_ranks import BulkOnRanks
+from hemivar.ranks.body_on_ranks import BodyOnRanks, BulkOnRanks
 from hemivar.ranks.preconditioner import Multigrid
 from hemivar.ranks.time_limit import TimeLimit
 from hemivar.solvers import Solution

@@ -16,8 +16,9 @@ from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
-from hemivar.evolution import Evolution, Mass
+from hemivar.evolution import Evolution
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices, dampings, refuse_unmeasured
+from hemivar.evolution.evolution_problem import Mass
 from hemivar.fem.assembly import load_vector, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, relaxing, viscous
 from hemivar.fem.dynamics import moved_components
@@ -29,11 +30,11 @@ from hemivar.linear.krylov import conjugate_gradients
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.ranks.assembly import _present, _with_facets_around, assemble_family
-from hemivar.ranks.body_on_ranks import BodyOnRanks
-from hemivar.ranks.discrete_on_ranks import BulkOnRanks, body_of
+from hemivar.ranks.body_on_ranks import BodyOnRanks, BulkOnRanks, body_of
 from hemivar.ranks.matrices import assembled, combined, row_sums
 from hemivar.ranks.nodes import NodesOnRanks
 from hemivar.ranks.pieces import Piece
+from hemivar.ranks.preconditioner import MultigridForMany
 from hemivar.ranks.ranks import Ranks, shared
 from hemivar.ranks.stiffness import applied
 
@@ -231,7 +232,7 @@ class StepMatricesOnRanks(StepMatrices):
     def slower(self, problem: DiscreteProblem, resistance: float) -> DiscreteProblem:
         body, known = body_of(problem), self._resisted
         if known is None or known[0] is not body or known[1] != resistance:
-            stiffer = body.stiffened(combined(body.K, [(resistance, body.K)]), body.supported)
+            stiffer = body.stiffened(combined(body.K, [(resistance, body.K)]), body.supported, MultigridForMany())
             self._resisted = known = body, resistance, replace(problem.model, bulk=BulkOnRanks(stiffer))
         return replace(problem, model=known[2], law_known=True)
 
@@ -244,7 +245,7 @@ class StepMatricesOnRanks(StepMatrices):
         there = [(factor, part.matrix) for factor, part in parts if factor and isinstance(part, OperatorOnRanks)]
         known, start = discrete.problem.model, discrete.body
         inertia = bool(inert) and family.mass is not None
-        body = start.stiffened(combined(start.K, there), start.supported or inertia)
+        body = start.stiffened(combined(start.K, there), start.supported or inertia, MultigridForMany())
         return replace(discrete.problem, model=replace(known, bulk=BulkOnRanks(body)), law_known=True)
 
 

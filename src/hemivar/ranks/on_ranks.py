@@ -17,7 +17,7 @@ from hemivar.basics.disk import make_folder, shown, try_output, whole_file
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.errors import FileError
-from hemivar.evolution import Frame
+from hemivar.evolution.history import Frame
 from hemivar.files.record import plain, prepared, result_record
 from hemivar.files.series import Series
 from hemivar.files.snapshot import Snapshot, snapshot
@@ -30,10 +30,10 @@ from hemivar.files.vtu import (
     three_components,
     write_grid,
 )
-from hemivar.ranks import BodyOnRanks, Ranks
-from hemivar.ranks.discrete_on_ranks import body_of
+from hemivar.ranks.body_on_ranks import BodyOnRanks, body_of
 from hemivar.ranks.evolution import EvolutionOnRanks
 from hemivar.ranks.files import one_writer
+from hemivar.ranks.ranks import Ranks
 from hemivar.solvers import Solution
 
 __all__ = ["SeriesOnRanks", "pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]

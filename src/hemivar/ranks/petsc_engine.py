@@ -16,30 +16,25 @@ from typing import TYPE_CHECKING, NoReturn, TypeVar
 import numpy as np
 
 from hemivar.basics.disk import shown
-from hemivar.cli.engine import Engine
+from hemivar.cli.engine import Asked, Engine
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import one_line
 from hemivar.cli.session import naming_file
 from hemivar.cli.terminal import one_voice
 from hemivar.errors import HemivarError, MethodError, ProblemError
-from hemivar.files import read_film
+from hemivar.files.film import read_film
 from hemivar.files.problem_file import parse_problem_file, read_text
-from hemivar.ranks import (
-    Saved,
-    family,
-    prepare_march,
-    read_checkpoint,
-    solve_distributed,
-    world,
-    write_checkpoint,
-)
+from hemivar.ranks import family, solve_distributed, world
 from hemivar.ranks.assembly import assemble_family
+from hemivar.ranks.body_on_ranks import body_of
 from hemivar.ranks.certificate import certify_on_ranks
-from hemivar.ranks.discrete_on_ranks import body_of
+from hemivar.ranks.checkpoint import read_checkpoint, write_checkpoint
 from hemivar.ranks.evolution import EvolutionOnRanks
 from hemivar.ranks.on_ranks import SeriesOnRanks, pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.ranks.pieces import grid_numbers
 from hemivar.ranks.ranks import NO_MEMORY, Ranks, shared
+from hemivar.ranks.ranks_march import prepare_march
+from hemivar.ranks.solve import Saved
 from hemivar.ranks.time_limit import TimeLimit
 from hemivar.solvers import Status
 from hemivar.workflows import RunResult, StartEvent, march
@@ -47,8 +42,6 @@ from hemivar.workflows import RunResult, StartEvent, march
 if TYPE_CHECKING:
     from hemivar.basics.types import Array, IntArray
     from hemivar.certificates import Certificate
-    from hemivar.cli.printing import SolveView
-    from hemivar.cli.solving import SolveCommand
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.evolution import Evolution, History, March
     from hemivar.evolution.discrete import DiscreteEvolution
@@ -59,10 +52,11 @@ if TYPE_CHECKING:
     from hemivar.files.series import Series
     from hemivar.mechanics.statement import ContactProblem
     from hemivar.mesh.mesh import Mesh
-    from hemivar.ranks import BodyOnRanks, Piece
+    from hemivar.ranks.body_on_ranks import BodyOnRanks
+    from hemivar.ranks.pieces import Piece
     from hemivar.solvers import Progress, Solution
     from hemivar.solvers.base import State
-    from hemivar.workflows import Work
+    from hemivar.workflows import Event, Work
 
 __all__ = ["PetscEngine", "all_or_none"]
 
@@ -164,18 +158,22 @@ class PetscEngine(Engine):
     # ---- the work --------------------------------------------------------------------------------------------
 
     def solved(
-        self, asked: SolveCommand, problem: DiscreteProblem, coarser: Sequence[DiscreteProblem], view: SolveView
+        self,
+        asked: Asked,
+        problem: DiscreteProblem,
+        coarser: Sequence[DiscreteProblem],
+        view: Callable[[Event], bool],
     ) -> RunResult:
         """Solve, from a checkpoint where that is asked for, and certify."""
         body, path = body_of(problem), asked.checkpoint
         begun = asked.resume and self.ranks.mpi.bcast(path is not None and os.path.lexists(path))
         state = read_checkpoint(path, body) if begun and path is not None else None
         view(StartEvent(problem, 0, 1))
-        controls = replace(asked.session.controls, callback=view)
+        controls = replace(asked.controls, callback=view)
         alarm, keep = self.limit.limited(controls.max_time), None if path is None else _Keeper(path, body)
         solution = solve_distributed(body, None, controls, resume=state, watch=keep, alarm=alarm)
         certificate = certify_on_ranks(solution, alarm=alarm)
-        asked.writer.failed += [] if keep is None or keep.error is None else [keep.error]
+        asked.failed.extend([] if keep is None or keep.error is None else [keep.error])
         return RunResult(solution, certificate, interrupted=solution.status is Status.INTERRUPTED)
 
     def marching(self, evolution: Evolution, plan: March) -> Work[History]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.ranks.stiffness import applied
-from hemivar.systems.contact_moves import moving_curvature, smooth_components
+from hemivar.systems.contact_moves import moving_curvature
+from hemivar.systems.newton_equation import smooth_components
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -109,7 +110,7 @@ class Multigrid:
     # ---- Newton's matrix -----------------------------------------------------------------------------------
 
     def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
-        """See :class:`hemivar.systems.krylov_newton.Truncation`."""
+        """See :class:`hemivar.systems.body.Truncation`."""
         body = self.body
         self._held, self._curvature = held, curvature
         self._out = np.concatenate([body.unknown[held], np.flatnonzero(body.held)])
@@ -254,6 +255,10 @@ class MultigridForMany:
 
     def __init__(self) -> None:
         self.kept: Multigrid | None = None
+
+    def __call__(self, body: BodyOnRanks) -> ReusedCycle:
+        """That for one solve."""
+        return ReusedCycle(body, self)
 
     def at(self, body: BodyOnRanks, x: Array, held: BoolArray, curvature: Array) -> Multigrid:
         """Newton's matrix at the first place of a solve, with a cycle set up for it."""

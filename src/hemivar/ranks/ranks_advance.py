@@ -14,19 +14,19 @@ from hemivar.basics.types import Array
 from hemivar.certificates import EnergyNorm
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution import Scheme, SelectionRule
+from hemivar.evolution import Scheme
 from hemivar.evolution.data_in_time import StatedData
 from hemivar.evolution.descent import DescentSolver, downhill, slowed
 from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.stage_solver import StageSolution, StageSolver
 from hemivar.evolution.step_operator import StepOperators
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import VectorLaw
-from hemivar.ranks.body_on_ranks import BodyOnRanks
+from hemivar.ranks.body_on_ranks import BodyOnRanks, body_of
 from hemivar.ranks.certificate import CyclesOnRanks
-from hemivar.ranks.discrete_on_ranks import body_of
 from hemivar.ranks.evolution import EvolutionOnRanks, StepMatricesOnRanks
 from hemivar.ranks.solve import Saved, solve_distributed
 from hemivar.ranks.time_limit import TimeLimit

@@ -13,10 +13,12 @@ import numpy as np
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import MethodError
-from hemivar.evolution import Checkpoint, Evolution, History, March, SelectionRule, StepEvent
+from hemivar.evolution import Checkpoint, Evolution, History, March
 from hemivar.evolution.digest import identity
 from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march import Backend, marching, refuse_plan
+from hemivar.evolution.running import StepEvent
 from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.time_error import TimeBound
@@ -27,7 +29,8 @@ from hemivar.ranks.pieces import Piece
 from hemivar.ranks.ranks import Ranks, shared
 from hemivar.ranks.ranks_advance import MarginsOnRanks, stepper_on_ranks
 from hemivar.ranks.time_limit import TimeLimit
-from hemivar.solvers import FixedPoint, NonsmoothMultigrid, as_method
+from hemivar.solvers import FixedPoint, NonsmoothMultigrid
+from hemivar.solvers.methods import as_method
 
 __all__ = ["MarchOnRanks", "march_on_ranks", "prepare_march"]
 

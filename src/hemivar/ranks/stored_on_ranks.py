@@ -23,7 +23,7 @@ T = TypeVar("T")
 class StoredOnRanks:
     """A stored energy by displacements (N, d) of the nodes of each rank's piece; all ranks ask for it together.
 
-    It is shifted as that of :class:`hemivar.discrete.Potential`: it and its forces are zero under the prescribed
+    It is shifted as that of :class:`.Potential`: it and its forces are zero under the prescribed
     displacements.
     """
 

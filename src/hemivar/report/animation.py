@@ -71,7 +71,7 @@ def animate(
     Parameters
     ----------
     history : History or Film
-        What :func:`hemivar.march` returned, or :func:`hemivar.files.read_film` read.
+        What :func:`hemivar.march` returned, or :func:`hemivar.files.film.read_film` read.
     path : str or Path
         Ends in ``.gif`` or ``.mp4``.
     scale : float or "auto"

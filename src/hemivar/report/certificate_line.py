@@ -6,7 +6,7 @@ import math
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from hemivar.bounds import DistanceToExact
+from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.certificates import Certificate
 from hemivar.report.picture import current, new_figure
 from hemivar.report.style import BLUE, GREEN, GREY, RED, drawing, figure_of

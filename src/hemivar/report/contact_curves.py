@@ -36,7 +36,8 @@ from hemivar.report.style import (
     with_unit,
 )
 from hemivar.report.summary import seen_local
-from hemivar.solvers import ContactStates, Solution, TangentialState
+from hemivar.solvers import Solution, TangentialState
+from hemivar.solvers.contact_states import ContactStates
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,8 @@ import numpy as np
 
 from hemivar.basics.arguments import expecting
 from hemivar.basics.types import Array, BoolArray
-from hemivar.bounds import AdaptiveLevel, AdaptiveSolution
+from hemivar.bounds import AdaptiveSolution
+from hemivar.bounds.adaptive import AdaptiveLevel
 from hemivar.bounds.exact_certificate import statement_of
 from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError

@@ -11,7 +11,8 @@ import numpy as np
 from hemivar.basics.arguments import expecting
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
-from hemivar.bounds import AdaptiveLevel, AdaptiveSolution
+from hemivar.bounds import AdaptiveSolution
+from hemivar.bounds.adaptive import AdaptiveLevel
 from hemivar.bounds.exact_certificate import statement_of
 from hemivar.certificates import Certificate
 from hemivar.files.boundary import polylines

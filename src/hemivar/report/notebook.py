@@ -13,9 +13,11 @@ import numpy as np
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Record
-from hemivar.bounds import AdaptiveSolution, DistanceToExact
+from hemivar.bounds import AdaptiveSolution
+from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.branches import Path, SolutionSet
-from hemivar.certificates import Certificate, certify, one_solution, smallness
+from hemivar.certificates import Certificate, certify, smallness
+from hemivar.certificates.smallness import one_solution
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
@@ -31,7 +33,7 @@ from hemivar.report.contact_curves import plot_contact
 from hemivar.report.loglog import plot_adaptive, plot_study
 from hemivar.report.march_figures import plot_march
 from hemivar.report.path_diagrams import plot_path
-from hemivar.report.saving import png
+from hemivar.report.picture import png
 from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.style import MANY_CELLS
 from hemivar.report.sweep_figures import plot_sweep

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,10 +10,10 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from hemivar.basics.arguments import quoted
-from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.first_use import IMPORTS, Lock
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -21,7 +22,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend as Box
 
-__all__ = ["BELOW", "NOTE", "Legend", "Print", "current", "new_figure", "new_figures", "paper"]
+__all__ = [
+    "BELOW",
+    "NOTE",
+    "STYLE",
+    "Legend",
+    "Print",
+    "current",
+    "drawing",
+    "new_figure",
+    "new_figures",
+    "paper",
+    "png",
+]
 
 #: Dots per inch in a notebook.
 _DPI = 110
@@ -43,6 +56,30 @@ _LEAST = 0.7
 BELOW = 4.4
 #: Marks texts that are notes, which print leaves out.
 NOTE = "note"
+
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "mathtext.fontset": "dejavusans",
+    "hatch.linewidth": 0.5,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    # whatever a matplotlibrc says: nothing here may need LaTeX or run out of memory
+    "text.usetex": False,
+    "text.parse_math": True,
+    "figure.dpi": 100.0,
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
+}
 
 
 def new_figure(size: tuple[float, float], *, layout: Literal["constrained", "tight"] | None = None) -> Figure:
@@ -86,9 +123,6 @@ def _kind() -> type[Figure]:
             super().savefig(fname, **({"bbox_inches": "tight"} | options))  # type: ignore[arg-type]
 
         def _repr_png_(self) -> bytes:
-            with IMPORTS:
-                from hemivar.report.saving import png
-
             return png(self, _DPI)
 
     def _shorten(figure: Figure) -> None:
@@ -194,6 +228,36 @@ _CURRENT: ContextVar[Print | None] = ContextVar("print", default=None)
 def current() -> Print | None:
     """How figures are printed here; None on a screen."""
     return _CURRENT.get()
+
+
+#: The settings of matplotlib belong to the process: one thread draws at a time.
+_drawing = Lock()
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Context in which figures are drawn and saved; other threads wait."""
+    with IMPORTS:
+        import matplotlib.figure
+
+    printed = current()
+    with _drawing, matplotlib.rc_context(STYLE if printed is None else STYLE | printed.settings):
+        with new_figures() as made:
+            yield
+        if printed is not None:
+            for figure in made:
+                printed.finish(figure)
+
+
+def png(fig: Figure, dpi: int = 200) -> bytes:
+    """The bytes of a figure as PNG, cropped to what is drawn."""
+    with IMPORTS:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stream = io.BytesIO()
+    with drawing():
+        FigureCanvasAgg(fig).print_figure(stream, format="png", dpi=dpi, bbox_inches="tight", pad_inches=0.05)
+    return stream.getvalue()
 
 
 @contextmanager

@@ -10,12 +10,12 @@ from hemivar.basics.arguments import quoted
 from hemivar.basics.disk import make_folder, path_of, shown, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
-from hemivar.report.style import drawing
+from hemivar.report.picture import drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["png", "save", "svg"]
+__all__ = ["save", "svg"]
 
 
 def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
@@ -63,15 +63,4 @@ def svg(fig: Figure) -> bytes:
         FigureCanvasSVG(fig).print_figure(
             stream, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.05
         )
-    return stream.getvalue()
-
-
-def png(fig: Figure, dpi: int = 200) -> bytes:
-    """The bytes of a figure as PNG, cropped to what is drawn."""
-    with IMPORTS:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    stream = io.BytesIO()
-    with drawing():
-        FigureCanvasAgg(fig).print_figure(stream, format="png", dpi=dpi, bbox_inches="tight", pad_inches=0.05)
     return stream.getvalue()

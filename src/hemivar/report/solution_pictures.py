@@ -17,8 +17,7 @@ from hemivar.report.certificate_line import FOOT, with_notes, write_foot
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.deformed import BodyColour, DeformedBody
 from hemivar.report.law_figures import draw_graph
-from hemivar.report.picture import new_figure
-from hemivar.report.saving import png
+from hemivar.report.picture import new_figure, png
 from hemivar.report.style import MARKERS, STYLE, drawing, in_rows, state_mark, with_unit
 from hemivar.solvers import Solution
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hemivar.basics.arguments import described
-from hemivar.basics.first_use import IMPORTS, Lock
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.report.picture import Legend, current, new_figure, new_figures
+from hemivar.report.picture import STYLE, Legend, current, drawing, new_figure
 from hemivar.solvers.contact_states import KINDS, Kind, NormalState, TangentialState
 
 if TYPE_CHECKING:
@@ -62,30 +61,6 @@ MANY_CELLS = 5000
 #: From so many facets on a surface is drawn without lines between them, and rasterised.
 MANY_FACETS = 4000
 
-STYLE: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.labelsize": 9.0,
-    "axes.titlesize": 10.0,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "legend.fontsize": 8.0,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "mathtext.fontset": "dejavusans",
-    "hatch.linewidth": 0.5,
-    "svg.fonttype": "none",
-    "pdf.fonttype": 42,
-    # whatever a matplotlibrc says: nothing here may need LaTeX or run out of memory
-    "text.usetex": False,
-    "text.parse_math": True,
-    "figure.dpi": 100.0,
-    "figure.autolayout": False,
-    "figure.constrained_layout.use": False,
-}
-
 #: Colours of both states of a point, for free, stick and slip: flat maps tell all of them apart.
 _COLOURS = {
     NormalState.OPEN: ("white",),
@@ -131,25 +106,6 @@ def in_rows(count: int) -> int:
 def legend_beside(ax: Axes, **options: Any) -> LegendBox:
     """A legend to the right of axes."""
     return ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, **options)
-
-
-#: The settings of matplotlib belong to the process: one thread draws at a time.
-_drawing = Lock()
-
-
-@contextmanager
-def drawing() -> Iterator[None]:
-    """Context in which figures are drawn and saved; other threads wait."""
-    with IMPORTS:
-        import matplotlib.figure
-
-    printed = current()
-    with _drawing, matplotlib.rc_context(STYLE if printed is None else STYLE | printed.settings):
-        with new_figures() as made:
-            yield
-        if printed is not None:
-            for figure in made:
-                printed.finish(figure)
 
 
 def axes(value: object, name: str) -> None:

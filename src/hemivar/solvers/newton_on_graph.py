@@ -37,10 +37,9 @@ from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 from hemivar.systems.compiled_rounds import CompiledRounds, compiled_rounds
 from hemivar.systems.condensed import CondensedProblem
-from hemivar.systems.contact_moves import smooth_components
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.dense_newton import DenseFactor, DenseNewton, newton_matrix
-from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
+from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation, smooth_components
 
 __all__ = [
     "FEW_ROUNDS",

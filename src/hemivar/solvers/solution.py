@@ -300,7 +300,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     def reactions(self) -> Mapping[str, Array]:
         """Force of each support on the body, by name, in the coordinates of the mesh.
 
-        Loads, contact forces and reactions add up to zero; see :func:`hemivar.fem.support_reactions`, also for nodes of
+        Loads, contact forces and reactions add up to zero; see :func:`.support_reactions`, also for nodes of
         several supports.
 
         Raises

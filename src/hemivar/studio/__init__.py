@@ -8,13 +8,9 @@ from __future__ import annotations
 import sys
 from types import ModuleType
 
-from hemivar.studio.binary_message import Message
-from hemivar.studio.jobs import Bench
 from hemivar.studio.notebook_widget import show
-from hemivar.studio.requests import Request
-from hemivar.studio.web_server import StudioPage, application, serve
 
-__all__ = ["Bench", "Message", "Request", "StudioPage", "application", "serve", "show"]
+__all__ = ["show"]
 
 
 class _Room(ModuleType):

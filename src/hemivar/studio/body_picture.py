@@ -14,9 +14,8 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, von_mises
 from hemivar.files.boundary import contact_boundaries
-from hemivar.solvers import ContactStates
 from hemivar.solvers.boundary_result import friction_of
-from hemivar.solvers.contact_states import KINDS
+from hemivar.solvers.contact_states import KINDS, ContactStates
 from hemivar.studio.binary_message import Message
 
 __all__ = ["BodyShape", "fields_of"]

@@ -18,15 +18,18 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
-from hemivar.evolution import Frame, History
+from hemivar.evolution import History
 from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.history import Frame
 from hemivar.fem import discretize
 from hemivar.files.mesh_table import StatedMesh
 from hemivar.files.problem_file import ProblemFile, parse_problem_file
 from hemivar.files.toml import printable
-from hemivar.mesh import Assembly, Grid, Mesh, MeshRecipe
-from hemivar.solvers import Controls, Solution, Solver, Status, method_named, solve
+from hemivar.mesh import Mesh
+from hemivar.mesh.recipe import Assembly, Grid, MeshRecipe
+from hemivar.solvers import Controls, Solution, Solver, Status, solve
 from hemivar.solvers.contact_states import contact_states
+from hemivar.solvers.methods import method_named
 from hemivar.solvers.one_branch import on_one_branch
 from hemivar.studio.badges import Badge, badge_in_time, badge_of
 from hemivar.studio.binary_message import Message
@@ -49,13 +52,12 @@ from hemivar.workflows import (
     SolutionsOptions,
     WarningEvent,
     Work,
-    evolution_of,
     march,
     path,
-    plan_of,
     run,
     solutions,
 )
+from hemivar.workflows.marching import evolution_of, plan_of
 
 __all__ = ["MOST_CELLS", "MOST_UNKNOWNS", "Bench", "Stopped"]
 

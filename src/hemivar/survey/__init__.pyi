@@ -1,7 +1,6 @@
 """The public names of ``hemivar.survey`` and where each comes from; loaded on first use."""
 
 from .active_set import ExactInner as ExactInner
-from .active_set import InnerSolver as InnerSolver
 from .active_set import NewtonKrylov as NewtonKrylov
 from .active_set import PrimalDualActiveSet as PrimalDualActiveSet
 from .augmented_lagrangian import AugmentedLagrangian as AugmentedLagrangian
@@ -10,8 +9,6 @@ from .augmented_lagrangian import RootFinder as RootFinder
 from .bundle import ProximalBundle as ProximalBundle
 from .lbfgs import LBFGS as LBFGS
 from .powell import Powell as Powell
-from .survey_report import SurveyReport as SurveyReport
-from .survey_report import run_survey as run_survey
 from .survey_runs import SurveyEvent as SurveyEvent
 from .survey_runs import SurveyOptions as SurveyOptions
 from .survey_runs import SurveyRuns as SurveyRuns

@@ -20,7 +20,7 @@ from hemivar.basics.disk import make_folder, write_text
 from hemivar.basics.generators import result_of
 from hemivar.errors import HemivarError
 from hemivar.files import write_csv, write_json
-from hemivar.gallery import SURVEY_DATA
+from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.loglog import plot_errors

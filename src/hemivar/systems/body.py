@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,13 +19,39 @@ from hemivar.linear.vectors import Vectors
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.contact_system import OfUnknowns
-from hemivar.systems.krylov_newton import KrylovNewton, Truncation
 from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["Body"]
+__all__ = ["Body", "Truncation"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1.0
+
+
+class Truncation(Protocol):
+    """Newton's matrix of a body, unknowns at kinks left out, and a cycle for it; it belongs to one solve."""
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of the stiffness, what curvature is compared with, (n,)."""
+
+    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+        """Become Newton's matrix at another place.
+
+        ``x (n,)``: the place; ``held (k,)``: active components that keep their value; ``curvature (m, d, d)``: second
+        derivatives of the laws, weights included; zero where held.
+        """
+
+    def __matmul__(self, vector: Array, /) -> Array:
+        """The matrix times a vector (n,) that is zero where held; entries there mean nothing."""
+
+    def cycle(self, right: Array) -> Array:
+        """About the inverse times a vector that is zero where held; so is the answer."""
+
+    def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
+        """The cycle for one run of conjugate gradients, and whether it may change a little on the way."""
+
+    def release(self) -> None:
+        """Give its memory back."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,6 +173,10 @@ class Body(OfUnknowns, ABC):
         return self.moved(x, self.law.admissible(self.local(x)))
 
     @abstractmethod
+    def newton_equation(self, known: NewtonEquation | None = None) -> NewtonEquation:
+        """As of every system."""
+
+    @abstractmethod
     def with_law(self, law: VectorLaw) -> Self:
         """The same body on another foundation, no problem being posed below."""
 
@@ -161,9 +192,6 @@ class Body(OfUnknowns, ABC):
     def refreshed(self, x: Array, force: Array) -> Array:
         """As it is known: a product with the stiffness costs more than its last digits."""
         return force
-
-    def newton_equation(self, known: NewtonEquation | None = None) -> KrylovNewton:
-        return KrylovNewton(self, known.matrix if isinstance(known, KrylovNewton) else self.truncation())
 
     def less_contact(self, force: Array, contact: Array) -> Array:
         left = force.copy()

@@ -36,11 +36,12 @@ from hemivar.linear.multilevel import Hierarchy
 from hemivar.linear.products import product
 from hemivar.linear.truncated_level import Coupling
 from hemivar.linear.vectors import WHOLE
-from hemivar.systems.body import Body
+from hemivar.systems.body import Body, Truncation
 from hemivar.systems.condensed import ROUNDED, CondensedProblem
 from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.free_unknowns import free_unknowns, refuse_unseen
-from hemivar.systems.krylov_newton import Truncation
+from hemivar.systems.krylov_newton import KrylovNewton
+from hemivar.systems.newton_equation import NewtonEquation
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BodyProblem", "ElasticMultigrid", "levels_of", "set_up"]
@@ -229,6 +230,9 @@ class BodyProblem(Body):
 
     def truncation(self) -> Truncation:
         return _TruncatedBody(self)
+
+    def newton_equation(self, known: NewtonEquation | None = None) -> KrylovNewton:
+        return KrylovNewton.of(self, known)
 
     def posed_below(self) -> BodyProblem | None:
         if not self.meshes:

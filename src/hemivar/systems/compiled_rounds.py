@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.kernels import Kernels, kernels
+from hemivar.kernels import kernels
+from hemivar.kernels.library import Kernels
 from hemivar.laws.contact_chart import GraphTables
 
 __all__ = ["CompiledRounds", "Rounds", "compiled_rounds"]

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import ContactLaw
-from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.vectors import Vectors
-
-if TYPE_CHECKING:
-    from hemivar.systems.contact_system import ContactSystem
+from hemivar.systems.contact_system import ContactSystem
 
 __all__ = [
     "ContactStep",
@@ -25,7 +21,6 @@ __all__ = [
     "gain",
     "majorant",
     "moving_curvature",
-    "smooth_components",
     "snap_to_kinks",
 ]
 
@@ -173,12 +168,6 @@ def _best_point(body: ContactSystem, r: Array, force: Array) -> tuple[Array, flo
         point = int(np.argmin(gains))
         new[point] = target[point]
     return new, best
-
-
-def smooth_components(line: Linearisation, active: BoolArray) -> BoolArray:
-    """Components (m, d) on which the law is smooth where it has been linearised, and that are free to move."""
-    smooth = np.repeat(line.smooth, [1, active.shape[1] - 1], axis=1)
-    return np.asarray(active & smooth)
 
 
 def moving_curvature(body: ContactSystem, curvature: Array, moving: BoolArray) -> Array:

@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import scipy.linalg as la
 from scipy.linalg import blas, lapack
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
 
-if TYPE_CHECKING:
-    from hemivar.systems.condensed import CondensedProblem
-
-__all__ = ["DenseFactor", "DenseNewton", "descent_direction", "newton_matrix"]
+__all__ = ["DenseBody", "DenseFactor", "DenseNewton", "descent_direction", "newton_matrix"]
 
 #: Components up to which memory for matrices is kept.
 _SMALL = 600
+
+
+class DenseBody(Protocol):
+    """What a dense equation is of: a :class:`hemivar.systems.condensed.CondensedProblem`."""
+
+    @property
+    def matrix(self) -> Array:
+        """The stiffness (m d, m d)."""
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the contact points (m,)."""
+
+    @property
+    def active(self) -> BoolArray:
+        """Components (m, d) that are free to move."""
+
+    def couple(self, step: Array, /) -> Array:
+        """The stiffness times a step (m, d)."""
 
 
 @dataclass(eq=False)
@@ -33,7 +49,7 @@ class DenseFactor:
     _room: Array | None = field(default=None, repr=False)
 
     def solve(
-        self, body: CondensedProblem, index: IntArray, curvature: Array, right: Array, pushed: Array | None = None
+        self, body: DenseBody, index: IntArray, curvature: Array, right: Array, pushed: Array | None = None
     ) -> Array | None:
         """``H^-1 right`` (k,) on the components ``index``, with second derivatives of the laws (m, d) or (m, d, d).
 
@@ -63,7 +79,7 @@ class DenseFactor:
         half = blas.dtrsv(factor, right, lower=1)  # half of what a solve for many takes
         return np.asarray(blas.dtrsv(factor, half, lower=1, trans=1, overwrite_x=1))
 
-    def step(self, body: CondensedProblem, at: LinearisedPoint) -> Array | None:
+    def step(self, body: DenseBody, at: LinearisedPoint) -> Array | None:
         """The change (m, d) of a point that solves Newton's equation there; None where it has no solution."""
         index, pushed = np.flatnonzero(at.moving), at.pushed
         change = np.zeros(at.moving.shape)
@@ -94,7 +110,7 @@ class DenseFactor:
 class DenseNewton:
     """Newton's equation of a condensed body: Cholesky's factor, or eigenvectors where the matrix is indefinite."""
 
-    body: CondensedProblem
+    body: DenseBody
     factor: DenseFactor = field(default_factory=DenseFactor)
 
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
@@ -130,7 +146,7 @@ class DenseNewton:
         """Nothing is borrowed."""
 
 
-def newton_matrix(body: CondensedProblem, index: IntArray, hessian: Array) -> Array:
+def newton_matrix(body: DenseBody, index: IntArray, hessian: Array) -> Array:
     """Hessian (k, k) of the energy on the components ``index``, those of the laws being given, (m, d) or (m, d, d)."""
     H = np.asarray(body.matrix[np.ix_(index, index)])
     _add_laws(H, body, index, hessian)
@@ -144,7 +160,7 @@ def descent_direction(H: Array, g: Array) -> Array:
     return np.asarray(vectors @ ((vectors.T @ g) / np.maximum(np.abs(values), floor)))
 
 
-def _add_laws(H: Array, body: CondensedProblem, index: IntArray, curvature: Array) -> None:
+def _add_laws(H: Array, body: DenseBody, index: IntArray, curvature: Array) -> None:
     """Add second derivatives (m, d) or (m, d, d) of the laws to a matrix (k, k) of the components ``index``."""
     if curvature.ndim == 2:
         H.ravel()[:: index.size + 1] += (body.weights[:, None] * curvature).ravel()[index]
@@ -159,7 +175,7 @@ def _add_laws(H: Array, body: CondensedProblem, index: IntArray, curvature: Arra
     H[row, partner[row, column]] += body.weights[here] * curvature[here, component[row], column]
 
 
-def _push(H: Array, body: CondensedProblem, index: IntArray, pushed: Array) -> None:
+def _push(H: Array, body: DenseBody, index: IntArray, pushed: Array) -> None:
     """Take off what bounds owe to the forces along held normals: multiples (k,) of the rows of these normals."""
     rows = np.flatnonzero(pushed)
     if rows.size:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Self
 
 import numpy as np
 
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array
 from hemivar.linear.krylov import conjugate_gradients, minimal_residuals
+from hemivar.systems.body import Body, Truncation
 from hemivar.systems.contact_moves import moving_curvature
-from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
+from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint, NewtonEquation
 
-if TYPE_CHECKING:
-    from hemivar.systems.body import Body
-
-__all__ = ["KrylovNewton", "Truncation"]
+__all__ = ["KrylovNewton"]
 
 #: How large a residual, by the distance to the contact conditions, conjugate gradients leave when they end early.
 _PATIENCE = 1.5
@@ -26,39 +24,17 @@ _CUT = 1e-9
 _VECTORS = 40
 
 
-class Truncation(Protocol):
-    """Newton's matrix of a body, unknowns at kinks left out, and a cycle for it; it belongs to one solve."""
-
-    @property
-    def diagonal(self) -> Array:
-        """Diagonal of the stiffness, what curvature is compared with, (n,)."""
-
-    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
-        """Become Newton's matrix at another place.
-
-        ``x (n,)``: the place; ``held (k,)``: active components that keep their value; ``curvature (m, d, d)``: second
-        derivatives of the laws, weights included; zero where held.
-        """
-
-    def __matmul__(self, vector: Array, /) -> Array:
-        """The matrix times a vector (n,) that is zero where held; entries there mean nothing."""
-
-    def cycle(self, right: Array) -> Array:
-        """About the inverse times a vector that is zero where held; so is the answer."""
-
-    def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
-        """The cycle for one run of conjugate gradients, and whether it may change a little on the way."""
-
-    def release(self) -> None:
-        """Give its memory back."""
-
-
 @dataclass(frozen=True, eq=False)
 class KrylovNewton:
     """Newton's equation of all unknowns."""
 
     body: Body
     matrix: Truncation  # changed by :meth:`solve`
+
+    @classmethod
+    def of(cls, body: Body, known: NewtonEquation | None) -> Self:
+        """The equation of a body, with the matrix of one that is known."""
+        return cls(body, known.matrix if isinstance(known, KrylovNewton) else body.truncation())
 
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
         """The correction by conjugate gradients, ended early where the contact conditions are further off.

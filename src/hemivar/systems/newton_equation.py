@@ -4,22 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.laws.vector_law import OnGraph
-from hemivar.systems.contact_moves import smooth_components
+from hemivar.laws.vector_law import Linearisation, OnGraph, VectorLaw
 
-if TYPE_CHECKING:
-    from hemivar.systems.contact_system import ContactSystem
-
-__all__ = ["Accuracy", "Correction", "LinearisedPoint", "NewtonEquation"]
-
+__all__ = ["Accuracy", "Correction", "LinearisedPoint", "NewtonEquation", "UnderLaw", "smooth_components"]
 
 #: Part of ``a`` below which a compliance, or a second derivative, is rounding; and what is none beside others.
 _NONE, _SINGULAR = 4.0 * float(np.finfo(float).eps), 1e-13
+
+
+class UnderLaw(Protocol):
+    """What is linearised: a :class:`hemivar.systems.contact_system.ContactSystem`."""
+
+    @property
+    def law(self) -> VectorLaw:
+        """The contact law."""
+
+    @property
+    def active(self) -> BoolArray:
+        """Components (m, d) that are free to move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +39,19 @@ class LinearisedPoint:
     multiplier: Array  # (m, d): derivative of the laws at r
     curvature: Array  # (m, d) or (m, d, d): second derivatives, at the components that move
     moving: BoolArray  # (m, d): components that are free and off the kinks
-    body: ContactSystem
+    body: UnderLaw
     # what a force along the normal adds to the multiplier of each tangential component of its point, (m, d), where the
     # normal component is held and a bound follows its force; None where the derivative is symmetric
     pushed: Array | None = None
 
     @staticmethod
-    def of(body: ContactSystem, x: Array, r: Array, force: Array) -> LinearisedPoint:
+    def of(body: UnderLaw, x: Array, r: Array, force: Array) -> LinearisedPoint:
         """The point ``x`` with local displacements ``r``, where the body leaves ``force`` of its load."""
         line = body.law.linearise(r)
         return LinearisedPoint(x, force, r, line.gradient, line.hessian, smooth_components(line, body.active), body)
 
     @staticmethod
-    def on_graph(body: ContactSystem, x: Array, force: Array, on: OnGraph, stiffness: Array) -> LinearisedPoint:
+    def on_graph(body: UnderLaw, x: Array, force: Array, on: OnGraph, stiffness: Array) -> LinearisedPoint:
         """The point whose contact points are on the graphs of their laws, ``stiffness (m, d)`` being that of the chart.
 
         A component whose place p does not change is held there.  Between the others ``dlam = (D^-1 - a) dr``.
@@ -64,6 +71,12 @@ class LinearisedPoint:
     def blocks(self) -> Array:
         """The second derivatives as a matrix (m, d, d) for each point."""
         return self.curvature if self.curvature.ndim == 3 else self.curvature[:, :, None] * np.eye(self.r.shape[1])
+
+
+def smooth_components(line: Linearisation, active: BoolArray) -> BoolArray:
+    """Components (m, d) on which the law is smooth where it has been linearised, and that are free to move."""
+    smooth = np.repeat(line.smooth, [1, active.shape[1] - 1], axis=1)
+    return np.asarray(active & smooth)
 
 
 def _slopes(jacobian: Array, stiffness: Array) -> tuple[BoolArray, Array, Array]:

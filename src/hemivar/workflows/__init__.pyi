@@ -9,7 +9,6 @@ from .comparison import CompareOptions as CompareOptions
 from .comparison import Comparison as Comparison
 from .comparison import Condensed as Condensed
 from .comparison import compare as compare
-from .comparison import energy_norm_difference as energy_norm_difference
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Part as Part
 from .diagnosis import diagnose as diagnose
@@ -38,9 +37,7 @@ from .level_study import LevelStudy as LevelStudy
 from .level_study import study_levels as study_levels
 from .marching import ProgressEvent as ProgressEvent
 from .marching import ReadyEvent as ReadyEvent
-from .marching import evolution_of as evolution_of
 from .marching import march as march
-from .marching import plan_of as plan_of
 from .solving import CertifyOptions as CertifyOptions
 from .solving import Progress as Progress
 from .solving import RunOptions as RunOptions
@@ -53,9 +50,7 @@ from .study import StudyOptions as StudyOptions
 from .study import study as study
 from .study import studying as studying
 from .sweep import Sweep as Sweep
-from .sweep import SweepAxis as SweepAxis
 from .sweep import SweepEvent as SweepEvent
 from .sweep import SweepOptions as SweepOptions
-from .sweep import read_axis as read_axis
 from .sweep import sweep as sweep
 from .sweep import sweeping as sweeping

@@ -10,8 +10,11 @@ from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.basics.generators import each_as
 from hemivar.basics.known_statement import ManufacturedProblem
-from hemivar.bounds import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
+from hemivar.bounds import AdaptiveSolution
+from hemivar.bounds.adaptive import AdaptiveLevel, solving_adaptive
+from hemivar.bounds.adaptive_end import AdaptiveEnd
 from hemivar.bounds.exact_certificate import statement_of
+from hemivar.bounds.goals import Goal
 from hemivar.certificates import Certificate
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
@@ -25,7 +28,7 @@ __all__ = ["AdaptOptions", "AdaptResult", "Refined", "adapt"]
 
 @dataclass(frozen=True)
 class AdaptOptions:
-    """How to solve adaptively, see :func:`hemivar.bounds.solving_adaptive`.
+    """How to solve adaptively, see :func:`hemivar.bounds.adaptive.solving_adaptive`.
 
     Parameters
     ----------

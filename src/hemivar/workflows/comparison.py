@@ -12,7 +12,8 @@ from hemivar.basics.display import brief
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
-from hemivar.solvers import METHODS, Controls, Solution, Solver, Status, solving, suited
+from hemivar.solvers import METHODS, Controls, Solution, Solver, Status
+from hemivar.solvers.solve import solving, suited
 from hemivar.systems import Workspace
 from hemivar.workflows.events import Notice, Phase, Work
 

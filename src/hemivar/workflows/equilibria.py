@@ -3,19 +3,10 @@
 from __future__ import annotations
 
 from hemivar.basics.arguments import expecting
-from hemivar.branches import (
-    BracketOptions,
-    LoadBracket,
-    Path,
-    PathOptions,
-    PathProgress,
-    SearchProgress,
-    SolutionSet,
-    SolutionsOptions,
-    bracketing,
-    finding,
-    following,
-)
+from hemivar.branches import LoadBracket, Path, PathOptions, PathProgress, SearchProgress, SolutionSet, SolutionsOptions
+from hemivar.branches.bracket import BracketOptions, bracketing
+from hemivar.branches.follow import following
+from hemivar.branches.solutions import finding
 from hemivar.fem.growing import growing
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers.load_stepping import Reached

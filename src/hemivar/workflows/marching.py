@@ -9,15 +9,10 @@ from typing import Any
 
 from hemivar.basics.arguments import expecting
 from hemivar.errors import ProblemError
-from hemivar.evolution import (
-    Evolution,
-    History,
-    March,
-    StepEvent,
-    marching,
-)
+from hemivar.evolution import Evolution, History, March
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
-from hemivar.evolution.march import Backend, refuse_plan
+from hemivar.evolution.march import Backend, marching, refuse_plan
+from hemivar.evolution.running import StepEvent
 from hemivar.files.problem_file import ProblemFile
 from hemivar.workflows.events import Notice, WarningEvent, Work
 

@@ -11,13 +11,16 @@ import numpy as np
 from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.basics.types import Array
-from hemivar.certificates import Certificate, factorises
+from hemivar.certificates import Certificate
 from hemivar.certificates import certify as certificate_of_pair
+from hemivar.certificates.norms import factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
 from hemivar.fem.posed import Posable, posed
-from hemivar.solvers import Controls, Progress, Solution, Solver, Status, as_method, solving, suited, transfer_solution
+from hemivar.solvers import Controls, Progress, Solution, Solver, Status, transfer_solution
 from hemivar.solvers.choice import choose
+from hemivar.solvers.methods import as_method
+from hemivar.solvers.solve import solving, suited
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import CertificateEvent, FoundEvent, MethodEvent, StartEvent, WarningEvent, Work
 

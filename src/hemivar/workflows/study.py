@@ -40,7 +40,8 @@ from hemivar.files.stored_solution import StoredSolution
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
-from hemivar.solvers import Controls, Solution, Solver, Status, as_method
+from hemivar.solvers import Controls, Solution, Solver, Status
+from hemivar.solvers.methods import as_method
 from hemivar.systems import Workspace
 from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
 from hemivar.workflows.observed_order import observed_order

@@ -21,7 +21,8 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array
-from hemivar.branches import SolutionsOptions, finding
+from hemivar.branches import SolutionsOptions
+from hemivar.branches.solutions import finding
 from hemivar.certificates import smallness
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.fem.posed import Posable, posed

@@ -20,7 +20,8 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
-from hemivar.formula import Formula, ScalarFormula
+from hemivar.formula import Formula
+from hemivar.formula.formula import ScalarFormula
 from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.smooth import WIDE, supremum_of_pieces
 from hemivar.laws.parameters import checked_reach, evaluate

@@ -15,7 +15,7 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.formula import ScalarFormula
+from hemivar.formula.formula import ScalarFormula
 from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.primitive import Primitive
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
@@ -378,7 +378,7 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
     Parameters
     ----------
     potential : str, optional
-        See :class:`hemivar.formula.ScalarFormula`.
+        See :class:`hemivar.formula.formula.ScalarFormula`.
     derivative : str, optional
         The derivative in place of the potential.
     kinks : sequence of float

@@ -1,0 +1,77 @@
+"""Sizes of packages in lines that are neither blank, nor comments, nor docstrings: they only fall.
+
+A number is lowered in the commit that makes it true (``python -m tests.test_size`` prints them all).  It rises only by
+what a feature or a mended fault takes, with a comment beside it that says why.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+from tests.sources import PACKAGE, sources
+
+LINES: dict[str, int] = {
+    "C++": 4680,
+    "JavaScript": 2184,
+    "basics": 1768,
+    "bounds": 7393,
+    "branches": 2658,
+    "certificates": 1969,
+    "cli": 2919,
+    "discrete": 2422,
+    "evolution": 5339,
+    "fem": 4625,
+    "files": 3418,
+    "formula": 1813,
+    "gallery": 1367,
+    "identification": 836,
+    "kernels": 395,
+    "laws": 10386,
+    "linear": 1746,
+    "mechanics": 4036,
+    "mesh": 4112,
+    "modules": 127,
+    "ranks": 2860,
+    "report": 4393,
+    "solvers": 3017,
+    "studio": 1346,
+    "survey": 1470,
+    "systems": 2236,
+    "templates": 325,
+    "workflows": 1580,
+}
+#: Files that are counted by their language; all others by their package.
+LANGUAGES = {".cpp": "C++", ".hpp": "C++", ".js": "JavaScript"} | dict.fromkeys((".html", ".css", ".toml"), "templates")
+DOCSTRING = re.compile(r'^[ \t]*r?"""(?:[^"\\]|\\.|"(?!""))*"""[ \t]*$', re.MULTILINE | re.DOTALL)
+
+
+def lines_of(text: str, kind: str) -> int:
+    """Lines that are not blank; of Python also without comments and docstrings."""
+    if kind not in LANGUAGES:
+        text = re.sub(r"^ *#.*", "", DOCSTRING.sub("", text), flags=re.MULTILINE)
+    return sum(bool(line.strip()) for line in text.splitlines())
+
+
+def counted() -> dict[str, int]:
+    found: Counter[str] = Counter()
+    for file in sources(PACKAGE, kinds=(".py", ".pyi", *LANGUAGES)):
+        if "vendor" not in file.path.parts:
+            room = file.file.partition("/")[0] if "/" in file.file else "modules"
+            found[LANGUAGES.get(file.path.suffix, room)] += lines_of(file.text, file.path.suffix)
+    return dict(sorted(found.items()))
+
+
+def test_no_package_has_grown_and_every_number_is_true() -> None:
+    found = counted()
+    pairs = {name: (found.get(name, 0), LINES.get(name, 0)) for name in {**found, **LINES}}
+    assert {name: pair for name, pair in pairs.items() if not 0 <= pair[1] - pair[0] < 25} == {}
+
+
+def test_blanks_comments_and_docstrings_are_not_counted() -> None:
+    said = '"""A\n\nB."""\n\nx = 1  # one\n# two\ny = """\nkept\n"""\n\ndef f():\n    """C."""\n    g("""\n kept""")\n'
+    assert (lines_of(said, ".py"), lines_of("// said\n\nint a;\n", ".cpp")) == (7, 2)
+
+
+if __name__ == "__main__":
+    print("\n".join(f'    "{name}": {number},' for name, number in counted().items()))
