@@ -29,6 +29,7 @@ from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mesh import Mesh, box, rectangle
+from tests.samples import slow
 
 LAME = hv.Material.lame(4.0, 4.0)
 FREE = hv.Contact(hv.laws.NoContact())
@@ -271,8 +272,8 @@ def _space_bodies(name: str) -> hv.ContactProblem:
         ("layers", 0.4),
         ("bowl", 0.3),
         ("wedge", 0.05),
-        ("plate", 0.3),
-        ("corner", 0.4),
+        slow("plate", 0.3),
+        slow("corner", 0.4),
         ("any material", 0.4),
         ("graded", 0.6),
         ("incompressible", 0.6),

@@ -38,7 +38,7 @@ def rigid_limit(cells: int) -> float:
             balance = [0.3 * load - drag, load - w @ pull, 0.5 * load - w @ (pull * x) - 0.5 * drag]
             return np.array([*balance, opening[-1] - end])
 
-        return float(scipy.optimize.fsolve(out_of_balance, [0.0, 0.5 * end, end, 0.5], xtol=1e-10)[3])
+        return float(scipy.optimize.root(out_of_balance, [0.0, 0.5 * end, end, 0.5], tol=1e-10).x[3])
 
     ends = np.linspace(0.05, 0.4, 200)
     loads = [load_at(end) for end in ends]

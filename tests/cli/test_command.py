@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Annotated, get_type_hints
 
@@ -100,3 +101,20 @@ def test_what_says_that_it_writes_or_draws_is_an_output(name: str) -> None:
     marked = {one for one, hint in hints.items() if opt.WRITTEN in getattr(hint, "__metadata__", ())}
     assert drawn <= marked
     assert marked <= drawn | {"checkpoint"}
+
+
+def test_garbage_is_looked_for_from_the_work_on() -> None:
+    seen = []
+
+    class Working(Command):
+        def work(self) -> Done:
+            seen.append(gc.isenabled())
+            return Done()
+
+    gc.disable()  # as a process of its own begins
+    try:
+        Working().run()
+    finally:
+        gc.enable()
+        gc.unfreeze()
+    assert seen == [True]

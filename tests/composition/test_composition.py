@@ -24,10 +24,12 @@ FEW: Mapping[str, tuple[str, ...]] = {
     "normal": tuple(normal for normal in FACTORS["normal"] if normal not in _ALIKE),
 }
 QUICK = few_rows(FEW)
+#: Each fourth row runs by default, but for what searches a curve of exponentials for seconds; others are slow tests.
+BY_DEFAULT = [row for row in QUICK[::4] if row.normal != "cohesion" or row.task not in ("all solutions", "bracket")]
 REFUSED = refused_rows()
 
 
-@pytest.mark.parametrize("row", sampled(QUICK, 4), ids=str)
+@pytest.mark.parametrize("row", sampled(QUICK, BY_DEFAULT), ids=str)
 def test_what_works(row: Row, tmp_path: Path) -> None:
     check(row, tmp_path)
 
@@ -54,9 +56,8 @@ def test_every_two_levels_that_can_meet_do() -> None:
 
 
 def test_every_level_is_met_by_default() -> None:
-    """Each fourth row runs by default; the others are slow tests."""
     for name, levels in FEW.items():
-        assert set(levels) <= {getattr(row, name) for row in QUICK[::4]}, name
+        assert set(levels) <= {getattr(row, name) for row in BY_DEFAULT}, name
 
 
 def test_rules_speak_of_levels_that_are_there() -> None:

@@ -131,6 +131,8 @@ def test_the_cone_is_round(angle: float) -> None:
     for short in (1e-2, 2e-6):
         found = hv.discretize(block(along(angle, (1.0 - short) * MU), hv.Coulomb(MU)))
         assert BY_FRICTION in found.warnings
+        assert found.balanced_by_friction
+        assert not found.held
     for excess in (2e-6, 1e-4):
         with pytest.raises(hv.errors.SupportError, match="free to move: the loads exceed") as caught:
             hv.discretize(block(along(angle, (1.0 + excess) * MU), hv.Coulomb(MU)))
@@ -141,7 +143,10 @@ def test_the_cone_is_round(angle: float) -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_what_is_at_the_limit_of_friction_is_left_to_the_solve(dim: int) -> None:
     pull = (MU,) if dim == 2 else along(0.7, MU)
-    assert AT_LIMIT in hv.discretize(block(pull, hv.Coulomb(MU))).warnings
+    found = hv.discretize(block(pull, hv.Coulomb(MU)))
+    assert AT_LIMIT in found.warnings
+    assert not found.balanced_by_friction
+    assert not found.held
 
 
 def test_the_ellipse_of_orthotropic_friction_holds() -> None:

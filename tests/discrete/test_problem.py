@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+import hemivar as hv
 from hemivar.discrete import DiscreteProblem, Quadratic
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
@@ -291,3 +292,13 @@ def test_the_slip_offset_of_a_single_point() -> None:
     for wrong in ([[0.1, 0.2]], [[0.1], [0.2]]):
         with pytest.raises(ProblemError, match=r"slip_offset has shape .*; it must be \(1, 1\)"):
             DiscreteProblem.of_arrays(**arrays(**one, slip_offset=wrong))
+
+
+def test_what_was_shown_of_a_problem_holds_with_the_model_of_the_same_body() -> None:
+    """And no further: of another load nothing is known."""
+    kept, fresh = (discretize(hv.gallery.survey("5.1", 2)) for _ in range(2))
+    found = fresh.on_the_same(kept.model)
+    assert found.model is kept.model
+    assert found.held
+    assert not fresh.fitted(kept.model).held
+    assert not found.with_(load=2.0 * found.load).held

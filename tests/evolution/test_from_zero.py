@@ -10,6 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.laws import NoFriction, Superpotential
+from tests.samples import slow
 
 from .random_marches import random_march
 
@@ -36,8 +37,8 @@ def up_and_down(t: float) -> float:
 
 
 @pytest.mark.parametrize("law", [hv.Signorini(), hv.Compliance(1e4), hv.Softening(1e4, 0.1, 1e3)], ids=lambda x: x.name)
-@pytest.mark.parametrize(("dim", "unit"), [(2, 1.0), (2, 1e-3), (3, 1.0)])
-@pytest.mark.parametrize("size", [ramp, up_and_down])
+@pytest.mark.parametrize(("dim", "unit"), [(2, 1.0), slow(2, 1e-3), (3, 1.0)])
+@pytest.mark.parametrize("size", [slow(ramp), up_and_down])
 def test_a_load_grows_from_zero(law: Superpotential, dim: int, unit: float, size: Callable[[float], float]) -> None:
     """Every moment is the equilibrium of its load: the foundation bears it, as statics says."""
     problem = pressed(law, size, dim, unit)

@@ -25,17 +25,14 @@ def membrane(cells: int, pattern: str, region: bool = False) -> hv.ContactProble
 
 @pytest.mark.parametrize("pattern", ["cross", "right", "left"])
 @pytest.mark.parametrize("region", [False, True])
-def test_the_pressure_over_an_area_converges(pattern: str, region: bool) -> None:
+def test_the_pressure_over_an_area_is_that_of_the_load(pattern: str, region: bool) -> None:
     """Exactly: -2 div grad level - source; well inside of what touches, where there is no edge to resolve."""
-    off = []
-    for cells in (32, 64):
-        found = hv.solve(membrane(cells, pattern, region), rtol=1e-11).raise_for_status()
-        mean, x = area_average(found.problem, found.pressure), found.problem.contact.points
-        deep = np.hypot(*x.T) < 0.15
-        assert deep.sum() > 3
-        off.append(np.abs(mean - 3.7 - 0.3 * x[:, 0])[deep].max())
-        weights = found.problem.contact.weights
-        assert weights @ mean == pytest.approx(weights @ found.pressure, rel=1e-12 if pattern == "cross" else 0.05)
-    assert off[-1] < 1e-6
+    found = hv.solve(membrane(32, pattern, region), rtol=1e-11).raise_for_status()
+    mean, x = area_average(found.problem, found.pressure), found.problem.contact.points
+    deep = np.hypot(*x.T) < 0.15
+    assert deep.sum() > 3
+    weights = found.problem.contact.weights
+    assert weights @ mean == pytest.approx(weights @ found.pressure, rel=1e-12 if pattern == "cross" else 0.05)
+    assert np.abs(mean - 3.7 - 0.3 * x[:, 0])[deep].max() < 1e-6
     if pattern == "cross":
         assert np.abs(found.pressure - 3.7 - 0.3 * x[:, 0])[deep].max() > 0.5  # the law's own, at the nodes

@@ -251,7 +251,7 @@ def in_step(problem: ContactProblem, *factors: Any) -> DiscreteProblem:
     """The body of a step in time."""
     family = body_family(problem)
     base = family.problem
-    return replace(base, model=Composition(family, *factors).model(True), law_known=True)
+    return base.fitted(Composition(family, *factors).model(True))
 
 
 @pytest.mark.parametrize(
@@ -288,7 +288,7 @@ def test_nothing_is_assembled_for_another_length_of_step(monkeypatch: pytest.Mon
     family = body_family(moving(rectangle((2, 1), (4, 2)).refined(2)))
 
     def levels(*factors: float) -> list[DiscreteProblem]:
-        found = [replace(family.problem, model=Composition(family, *factors).model(True), law_known=True)]
+        found = [family.problem.fitted(Composition(family, *factors).model(True))]
         while (below := coarser(found[-1])) is not None:
             found.append(below.problem)
         return found

@@ -244,6 +244,42 @@ void settle(int64_t n) {
           "a matrix that is not definite is taken");
 }
 
+// Points on a rigid obstacle that are pressed with one force and pulled with a half and a fifth of it in turn: with the
+// coefficient 0.3 the first slide and the others stick.
+void slide(int64_t points) {
+    const double inf = std::numeric_limits<double>::infinity();
+    const int64_t n = 2 * points;
+    std::vector<double> stiffness(n, 3.0), bounds(2 * n, 0.0), anchor(3 * n, 0.0), base(3 * n, 0.0), slope(3 * n, 0.0);
+    std::vector<double> knots(n, 0.0), low(n, 0.0), high(n, inf), first(n, -inf), last(n, 0.0), matrix(n * n, 0.0);
+    std::vector<double> weights(n, 0.5), compliance(n, 0.5), coefficient(points, 0.3), load(n), r(n, 0.0), lam(n, 0.0);
+    for (int64_t i = 0; i < n; ++i) {
+        bounds[n + i] = inf;
+        matrix[i * n + i] = 2.0;
+        load[i] = i % 2 == 0 ? 1.0 : i % 4 == 1 ? 0.5 : 0.2;
+        if (i % 2 == 0) continue;
+        low[i] = base[i] = -1.0;
+        high[i] = base[2 * n + i] = 1.0;
+        last[i] = inf;
+    }
+    const Tables law{n,           3,           stiffness.data(), bounds.data(), anchor.data(), base.data(),       slope.data(),
+                     knots.data(), low.data(), high.data(),      first.data(),  last.data(),   coefficient.data()};
+    ActiveSets sets(law, matrix.data(), weights.data(), compliance.data());
+    std::vector<double> of_law(n);
+    double told[3];
+    check(sets.run(load.data(), r.data(), lam.data(), of_law.data(), 20, 0.0, 1e-12, 1.0, told) == ActiveSets::kClose,
+          "the rounds with friction do not settle");
+    for (int64_t i = 1; i < n; i += 2) {
+        check(r[i - 1] == 0.0 && std::fabs(of_law[i - 1] - 2.0) < 1e-12, "a point is not held");
+        check(i % 4 == 1 ? std::fabs(r[i] - 0.1) < 1e-12 : r[i] == 0.0, "a point slides another way");
+    }
+    check(sets.distance(r.data(), of_law.data()) < 1e-12, "the pairs are off Coulomb's law");
+    for (int64_t i = 0; i < n; ++i) matrix[i] = 0.0;
+    load[0] = -1.0;
+    ActiveSets loose(law, matrix.data(), weights.data(), compliance.data());
+    check(loose.run(load.data(), r.data(), lam.data(), of_law.data(), 20, 0.0, 1e-12, 1.0, told) == ActiveSets::kGivenUp,
+          "a singular matrix is taken");
+}
+
 // Springs from 0.1 on, one row for all points, or one for each, and friction that weakens; points at rest, at the knot,
 // far away, and such as are no numbers.
 void answer_of_laws(int64_t m, int64_t d, bool each, int64_t formula) {
@@ -628,6 +664,7 @@ void refuse_stars() {
 int main() {
     substitute();
     for (int64_t n : {1, 2, 7, 40}) settle(n);
+    for (int64_t n : {1, 2, 7, 40}) slide(n);
     std::vector<std::vector<double>> found;
     for (int threads : {1, 3}) {
         Pool::set_threads(threads);

@@ -189,7 +189,7 @@ def test_a_cut_file_is_found_out(tmp_path: Path) -> None:
 # ---- ended in the middle of writing --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", sampled(COMMANDS, ["solve", "path", "new"]))
+@pytest.mark.parametrize("command", sampled(COMMANDS, ["solve", "new"]))
 def test_whoever_dies_in_the_middle_of_a_file_leaves_the_old_one(command: str, driver: Driver, tmp_path: Path) -> None:
     """The system ends the process as soon as one of its files grows beyond a size, whatever it does just then."""
     arguments, files = COMMANDS[command]

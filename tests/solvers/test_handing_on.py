@@ -82,6 +82,32 @@ def test_the_result_says_which_method_took_over_and_why() -> None:
     assert found.remarks[0] in found.warnings
 
 
+class _RunsAway(NonsmoothNewton):
+    """Newton's method that finds no end of the energy downhill."""
+
+    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:  # type: ignore[override]
+        if self.search is Search.GLOBAL:
+            return super().step(system, state, budget)
+        return replace(state, ended=Status.UNBOUNDED)
+
+
+@pytest.mark.parametrize("bound", [0.5, PenetrationBound(lambda s: 0.4 * np.maximum(s, 0.0))], ids=["known", "state"])
+def test_a_walk_that_runs_away_downhill_goes_on_across_barriers(
+    bound: float | PenetrationBound, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also within a fixed point; the solution is that of the method that crosses them from the start."""
+    problem = discrete_square(n=8).with_(law=ContactLaw(hv.Compliance(20.0), Friction(bound)).at(None))
+    downhill, newton = _RunsAway(search=Search.DOWNHILL), NonsmoothNewton()
+    across = replace(downhill, search=Search.GLOBAL)
+    away, on, right = (FixedPoint(one) if problem.law.state_dependent else one for one in (downhill, across, newton))
+    assert on in others(away, Status.UNBOUNDED, problem)
+    monkeypatch.setattr(SOLVING, "choose", lambda problem: (away, "away"))
+    found = solve(problem)
+    assert found.status is Status.CONVERGED
+    assert "took over" in found.remarks[0]
+    assert relative_difference(found, solve(problem, right)) < 1e-6
+
+
 @pytest.mark.usefixtures("stuck")
 def test_steps_that_were_counted_and_a_stop_are_no_failure() -> None:
     problem = discrete_square(n=8)

@@ -298,6 +298,18 @@ def test_choice_depends_on_size_and_is_logged(caplog: pytest.LogCaptureFixture) 
     assert isinstance(choose(hv.discretize(midpoints))[0], NonsmoothNewton)
 
 
+def test_many_loads_repay_a_condensation() -> None:
+    problem, workspace = hv.discretize(gallery.survey_cube("5.1", 9)), hv.systems.Workspace()
+    loads = [factor * problem.load for factor in (1.0, 1.5, 0.8, 1.2)]
+    found = [hv.solve(problem.with_(load=load), workspace=workspace) for load in loads]
+    assert [one.method for one in found] == ["multigrid", "multigrid", "newton", "newton"]
+    for one, load in zip(found, loads, strict=True):
+        alone = hv.solve(problem.with_(load=load))
+        assert alone.method == "multigrid"
+        np.testing.assert_allclose(one.unknowns, alone.unknowns, atol=1e-8 * np.abs(alone.unknowns).max())
+    assert choose(problem, many=True)[0].name == "newton"
+
+
 def test_choice_heeds_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hemivar.solvers.choice.available_bytes", lambda: 1e6)
     monkeypatch.setattr("hemivar.solvers.choice._LITTLE", 0.0)

@@ -87,6 +87,15 @@ def test_a_pair_takes_the_cycles_of_one_body(
     assert cycles(pressed(blocks(*sizes, shift=shift), contact, material)) <= limit * one
 
 
+@pytest.mark.parametrize("contact", [TOUCHING, RUBBING, CURVED], ids=["alike", "friction", "half"])
+def test_a_pair_without_a_coarser_mesh_takes_no_more(contact: hv.Contact, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Odd numbers of cells: what is prescribed must be carried into the bodies as on the nodes that are left."""
+    good = cycles(pressed(blocks(25, 17), contact))
+    assert good <= cycles(pressed(blocks(24, 16), contact)) + 2
+    monkeypatch.setattr(body_on_levels.BodyProblem, "carried", None)
+    assert cycles(pressed(blocks(25, 17), contact)) > good
+
+
 def test_interpolation_of_each_body_by_itself_takes_more_cycles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Jumps must be interpolated as jumps, and what the bodies do together must make none."""
     problem = pressed(blocks(48, 32), TOUCHING)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import importlib
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -54,6 +56,46 @@ def test_another_load_gap_or_law_costs_no_factorisation(factorisations: list[int
     assert len(factorisations) == 5
     for one, other in zip(found, alone, strict=True):
         np.testing.assert_array_equal(one.unknowns, other.unknowns)
+
+
+def _counted(name: str, function: Callable[..., object], asked: list[str]) -> Callable[..., object]:
+    def counted(*arguments: object) -> object:
+        asked.append(name)
+        return function(*arguments)
+
+    return counted
+
+
+def test_another_load_asks_nothing_of_law_and_body_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, workspace = discrete_square(n=6), hv.systems.Workspace()
+    asked: list[str] = []
+    module = importlib.import_module("hemivar.solvers.solve")  # which the function of this name hides
+    for owner, name in ((module, "choose"), (module, "_check_coercive"), (ContactLaw, "chart")):
+        monkeypatch.setattr(owner, name, _counted(name, getattr(owner, name), asked))
+    for factor in (1.0, 1.5, 0.5):
+        hv.solve(problem.with_(load=factor * problem.load), workspace=workspace)
+    assert sorted(asked) == ["_check_coercive", "chart", "choose"]
+    for other in variants(problem)[1:]:  # another gap, another law
+        asked.clear()
+        hv.solve(other, workspace=workspace)
+        assert sorted(asked) == ["_check_coercive", "chart", "choose"]
+
+
+def test_what_a_law_that_is_gone_has_left_is_not_taken_for_that_of_another() -> None:
+    problem, workspace = discrete_square(n=6), hv.systems.Workspace(bodies=1)
+    for bound in np.linspace(0.0, 0.4, 20).tolist():
+        other = problem.with_(law=ContactLaw(hv.Compliance(3.0), hv.Tresca(bound)))
+        np.testing.assert_array_equal(hv.solve(other, workspace=workspace).unknowns, hv.solve(other).unknowns)
+
+
+def test_threads_on_one_workspace_have_rounds_of_their_own() -> None:
+    problem, workspace = discrete_square(n=8), hv.systems.Workspace()
+    loads = [factor * problem.load for factor in np.linspace(0.2, 3.0, 40)]
+    alone = [hv.solve(problem.with_(load=load)).unknowns for load in loads]
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda load: hv.solve(problem.with_(load=load), workspace=workspace).unknowns, loads))
+    for one, other in zip(found, alone, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.skipif(pardiso_available(), reason="counts the solves of SuperLU")

@@ -21,7 +21,7 @@ from tests.samples import slow
 pytest.importorskip(
     "starlette", reason="the studio's server needs starlette: pip install starlette uvicorn websockets tomlkit"
 )
-pytest.importorskip("httpx", reason="starlette's test client needs httpx")
+pytest.importorskip("httpx2", reason="starlette's test client needs httpx2: pip install httpx2")
 
 if TYPE_CHECKING:
     from starlette.testclient import TestClient

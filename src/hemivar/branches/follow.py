@@ -115,11 +115,18 @@ def follow_path(
     constant: Sequence[str] = (),
     workspace: Workspace | None = None,
 ) -> Path:
-    """Follow the equilibria from the lower load factor, through folds, until the range is left.
+    """Follow the equilibria of a body while its load grows, also where it must fall again (folds).
 
-    The graph of the law has numbers of its own along it, so that kinks and jumps are corners of the path like all
-    others.  Where all laws are piecewise quadratic the path is a polygon, and it is followed exactly,
-    from one corner to the next; on curved pieces by predictor and corrector in the arc length.
+    >>> import hemivar as hv
+    >>> law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
+    >>> spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
+    >>> path = hv.follow_path(spring, (0.0, 2.0))
+    >>> [round(fold.load_factor, 3) for fold in path.folds]
+    [1.111, 0.716]
+
+    The load factor multiplies loads and prescribed displacements.  The path starts at the first factor of the range and
+    ends where it leaves the range.  Where all laws are piecewise quadratic it is a polygon, which is followed exactly
+    from corner to corner.  Curved pieces are followed by predictor and corrector in the arc length.
 
     Parameters
     ----------
@@ -157,15 +164,6 @@ def follow_path(
         A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
     ProblemError
         The range is empty, nothing grows, no equilibrium was found at its lower end, or ``until`` names nothing known.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
-    >>> spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
-    >>> path = hv.follow_path(spring, (0.0, 2.0))
-    >>> [round(fold.load_factor, 3) for fold in path.folds]
-    [1.111, 0.716]
     """
     options = PathOptions(load_factor, max_points, max_time, largest_step, until, load_names(constant))
     return result_of(following(problem, options, unloaded=unloaded, start=start, workspace=workspace))

@@ -151,13 +151,20 @@ def find_solutions(
 ) -> SolutionSet:
     """Find the equilibria of a problem; ``exhaustive`` on the result says whether all were found.
 
-    If all laws are piecewise quadratic and there are at most ``enumerate_up_to`` combinations of pieces and kinks, all
-    are tried and nothing is missed.  If the margin of :func:`hemivar.certificates.smallness` is positive, there is one
-    solution, and it is solved for.  Otherwise the search goes on from many starts: the default method and the downhill
-    one from zero, by load stepping, from both sides of every kink of the law and from random points; Newton's method on
-    the residual deflated by what was found already, which also finds saddles and maxima; the load path through every
-    solution, which meets others where it folds back; and both sides of every saddle.  Where the body is not linear it
-    goes from many starts and from between any two solutions that were found.
+    >>> import hemivar as hv
+    >>> law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
+    >>> spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
+    >>> found = hv.find_solutions(spring)
+    >>> len(found), found.exhaustive
+    (3, True)
+    >>> [f"{one.penetration[0]:.4f}" for one in found]
+    ['0.4500', '0.0900', '0.1625']
+
+    Up to ``enumerate_up_to`` combinations of pieces and kinks of piecewise quadratic laws are all tried: no solution is
+    missed.  Where the margin of :func:`hemivar.certificates.smallness` is positive there is one solution, which is
+    solved for.  Otherwise the search is from many starts, and more solutions may exist.  It starts from zero, by load
+    stepping, beside every kink and from random points.  From what was found it goes on by deflation, along load paths
+    and to both sides of every saddle.
 
     Parameters
     ----------
@@ -183,17 +190,6 @@ def find_solutions(
     ------
     ProblemError
         ``starts`` or ``max_solutions`` make no sense, or the problem cannot be solved as stated.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
-    >>> spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
-    >>> found = hv.find_solutions(spring)
-    >>> len(found), found.exhaustive
-    (3, True)
-    >>> [f"{one.penetration[0]:.4f}" for one in found]
-    ['0.4500', '0.0900', '0.1625']
     """
     given = Controls() if controls is None else controls
     options = SolutionsOptions(starts, max_solutions, seed, given, enumerate_up_to)

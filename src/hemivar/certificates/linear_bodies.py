@@ -50,12 +50,12 @@ def below(problem: DiscreteProblem) -> DiscreteProblem:
     if found is not None and isinstance(model.parts, Composition):  # a step in time
         own, family = model.parts, model.parts.family
         lower = cast(OperatorFamily, family.known.once("below", lambda: _family_below(family)))
-        return replace(problem, model=replace(own, family=lower, place=None).model(model.resisted), law_known=True)
+        return problem.fitted(replace(own, family=lower, place=None).model(model.resisted))
     if found is None:
         found = bulk.at_rest if isinstance(bulk, Potential) else Quadratic(bulk.hessian(np.zeros(bulk.unknowns)))
     elif model.origin is not None and model.parts is None:  # the same on coarser meshes
         origin = lower_statement(model.origin)
-    return replace(problem, model=replace(model, bulk=found, origin=origin, parts=None), law_known=True)
+    return problem.fitted(replace(model, bulk=found, origin=origin, parts=None))
 
 
 def _family_below(family: OperatorFamily) -> OperatorFamily:

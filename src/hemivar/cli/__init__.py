@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 from collections.abc import Sequence
@@ -19,9 +20,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     libraries that are interrupted while they load complain of anything else.
     """
     own = ("SIGINT", "SIGTERM", "SIGHUP") if argv is None else ()
+    if argv is None:
+        gc.disable()  # modules make much and drop little: the command looks for garbage once they are there
     with handled(_leave, *own, taken=lambda before: before in (signal.SIG_DFL, signal.default_int_handler)):
         from hemivar.cli.app import main as run
-    return run(argv)
+    try:
+        return run(argv)
+    finally:
+        gc.enable()
 
 
 def _leave(*_: object) -> None:

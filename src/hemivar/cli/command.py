@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields
@@ -83,6 +84,7 @@ class Command:
         with self.place.working():
             self.place.agree(self.check)
             self.begin()
+            _look_for_garbage()
             done = self.work()
             self.write(done.files)
             code = Exit.CONVERGED if done.reached else Exit.NOT_CONVERGED
@@ -125,6 +127,13 @@ class OnProblem(Command):
         problem = self.session.discrete()
         print_head(self.session, problem)
         return problem
+
+
+def _look_for_garbage() -> None:
+    """From now on, but not among what the modules have made."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
 
 
 def watched(work: Work[Result]) -> Result:

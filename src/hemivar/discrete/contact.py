@@ -149,6 +149,11 @@ class ContactPoints(PickleMixin):
         return self.trace.T
 
     @cached_property
+    def sizes(self) -> sp.csr_array:
+        """Absolute entries of the trace, by which rounding is estimated."""
+        return np.abs(self.trace)
+
+    @cached_property
     def seen(self) -> IntArray:
         """The unknowns (k,) that contact points see."""
         return np.unique(self.trace.indices[self.trace.data != 0.0]).astype(np.int64)

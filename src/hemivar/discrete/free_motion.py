@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.discrete.held_at_rest import IDLE, NO_MINIMUM, growths, holds
+from hemivar.discrete.held_at_rest import AT_LIMIT, BY_FRICTION, IDLE, NO_MINIMUM, growths, holds
 from hemivar.discrete.recession import Coercivity, CoercivityResult, RecessionFunction, rests
 from hemivar.discrete.rigid_modes import Mechanism, RigidModes, rigid_basis
 from hemivar.errors import SupportError
@@ -51,7 +51,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     field, contact, motions = problem.field, problem.contact, problem.model.free_motions
     forces = field.lift.T @ problem.load if load is None else load
     limits: list[str] = []
-    friction: list[str] = []
+    balanced: list[bool] = []
     idle: str | None = None
     found = holds(field, contact, problem.loading, forces, motions)
     for group, hold in zip(motions.groups, found, strict=True):
@@ -61,10 +61,11 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
         if not hold.held:
             raise _refusal(problem, motions, group, hold.found)
         limits += [hold.limit] if hold.limit else []
-        friction += [hold.friction] if hold.friction else []
-    problem = replace(problem, warnings=tuple(dict.fromkeys((*problem.warnings, *friction))), law_known=True)
+        balanced += [] if hold.balanced is None else [hold.balanced]
+    friction = (BY_FRICTION if one else AT_LIMIT for one in balanced)
+    problem = problem.fitted(warnings=tuple(dict.fromkeys((*problem.warnings, *friction))))
     limit = NO_MINIMUM if NO_MINIMUM in limits else next(iter(limits), None)
-    return problem if friction and limit is None else problem.known_to_be_held(limit, idle)
+    return problem.known_to_be_held(limit, idle, any(balanced) if balanced else None)
 
 
 def free_growth(problem: DiscreteProblem, motions: RigidModes) -> list[RecessionFunction]:

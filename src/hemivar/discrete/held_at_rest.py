@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from hemivar.discrete.space import Field
 
 __all__ = [
+    "AT_LIMIT",
+    "BY_FRICTION",
     "IDLE",
     "NO_MINIMUM",
     "PERHAPS_NO_MINIMUM",
@@ -85,19 +87,20 @@ class Hold:
         What its contact resists, without friction that the pressure bounds.
     limit : str or None
         The sentence for what its foundation holds at rest only.
-    friction : str or None
-        The sentence for what only friction holds that the pressure bounds.
+    balanced : bool or None
+        Of what only friction holds that the pressure bounds: whether its cones balance the load, or that was not
+        decided. None for others.
     """
 
     found: CoercivityResult
     touched: RecessionFunction
     limit: str | None = None
-    friction: str | None = None
+    balanced: bool | None = None
 
     @property
     def held(self) -> bool:
         """Whether it is."""
-        return self.found.verdict is Coercivity.HELD or bool(self.limit or self.friction)
+        return self.found.verdict is Coercivity.HELD or self.limit is not None or self.balanced is not None
 
 
 def holds(field: Field, contact: ContactPoints, loading: Loading, forces: Array, motions: RigidModes) -> Iterator[Hold]:
@@ -171,14 +174,14 @@ class _Group:
         rubs = self.growth(friction=True)
         by_friction = decide(rubs) if rubs.friction.count else found
         if by_friction.verdict is Coercivity.HELD:
-            return Hold(found, touched, friction=BY_FRICTION)
+            return Hold(found, touched, balanced=True)
         if self.softens:
             at_rest = decide(self.resistance(friction=True))
             if at_rest.verdict is Coercivity.HELD:
-                return Hold(found, touched, limit, BY_FRICTION)
+                return Hold(found, touched, limit, balanced=True)
             by_friction = replace(at_rest, growth=at_rest.growth / _SMALL)
         if _holds(replace(rubs, friction=rubs.friction.widened(_BETWEEN))):
-            return Hold(found, touched, friction=AT_LIMIT)
+            return Hold(found, touched, balanced=False)
         return Hold(found if by_friction.direction is None else by_friction, touched)
 
 

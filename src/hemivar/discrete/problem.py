@@ -43,12 +43,22 @@ _ROUNDED = 64.0 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class DiscreteProblem(PickleMixin, ReprMixin):
-    """Energy of a discrete contact problem.
+    """What is solved: an elastic body, its load, and a contact law at each of its contact points.
 
-    ``E(u) = bulk(u) - f'u + constant + sum_j w_j j_j(r_j)``, ``r = B u - offset`` with shape (m, c): column 0 is the
-    penetration of contact point j, the other columns its slip. A solution is a pair
-    ``bulk'(u) + B'W lambda = f``, ``lambda_j in dj_j(r_j)`` (Clarke subdifferential).  It is frozen: :meth:`with_`
-    makes others of it.
+    >>> import hemivar as hv
+    >>> law = hv.laws.ContactLaw(hv.Signorini()).at(None)
+    >>> spring = hv.DiscreteProblem.of_arrays([[2.0]], [1.0], [[1.0]], [1.0], [0.2], law)
+    >>> solution = hv.solve(spring)  # 2 u + lambda = 1, u <= 0.2
+    >>> solution.unknowns.round(12), solution.pressure.round(12)
+    (array([0.2]), array([0.6]))
+
+    :func:`hemivar.discretize` makes one of a stated problem, :meth:`of_arrays` of your own matrices, and
+    :meth:`of_forms` of forms of scikit-fem.  :meth:`with_` gives another load, gap or law; nothing is changed in place.
+
+    A solution is a pair u, lambda: ``K u + B'W lambda = f``, ``lambda_j in dj_j(r_j)`` (Clarke), ``r = B u - offset``.
+    K is :attr:`stiffness`, f :attr:`load`, and the :attr:`contact` points have the trace B and the weights W.  r has
+    shape (m, c): column 0 is the penetration of contact point j, the others are its slip.  Such pairs are the
+    stationary points of the :meth:`energy`.  In a nonlinear body the gradient of the :attr:`bulk` replaces K u.
 
     Parameters
     ----------
@@ -58,33 +68,22 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         What changes: load, offsets and law.
     warnings : tuple of str
         Sentences on what results of this problem do not show by themselves; empty for most problems.
-    shown : CoercivityProof or None
-        How the body was shown to be held, of which model, load and law; see :attr:`held` and :attr:`limit`.
-    law_known : bool
-        Law and load follow those of another problem: neither the law nor the size of the load is tried out.
 
     Raises
     ------
     ProblemError
         Model and loading do not fit one another, or the work of the load is beyond the range of numbers.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> law = hv.laws.ContactLaw(hv.Signorini()).at(None)
-    >>> spring = hv.DiscreteProblem.of_arrays([[2.0]], [1.0], [[1.0]], [1.0], [0.2], law)
-    >>> solution = hv.solve(spring)  # 2 u + lambda = 1, u <= 0.2
-    >>> solution.unknowns.round(12), solution.pressure.round(12)
-    (array([0.2]), array([0.6]))
     """
 
     model: Model
     loading: Loading
     warnings: tuple[str, ...] = ()
-    shown: CoercivityProof | None = None
-    law_known: InitVar[bool] = False
+    #: How the body was shown to be held, of which model, load and law; see :attr:`held` and :attr:`limit`.
+    _shown: CoercivityProof | None = None
+    #: Whether law and load follow those of another problem: neither the law nor the size of the load is tried out.
+    _known: InitVar[bool] = False
 
-    def __post_init__(self, law_known: bool) -> None:
+    def __post_init__(self, _known: bool) -> None:
         model = expect(self.model, Model, "the model of a discrete problem", "give hemivar.discrete.Model")
         loading = expect(self.loading, Loading, "the loading of a discrete problem", "give hemivar.discrete.Loading")
         if loading.load.shape != (model.unknowns,):
@@ -97,8 +96,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
                 f"offset has shape {loading.offset.shape}; it needs a row for each contact point with one number for "
                 f"each of its local components, {model.contact.shape}"
             )
-        self._check_work(stated=not law_known)
-        if not law_known:
+        self._check_work(stated=not _known)
+        if not _known:
             _check_law(loading.law, loading.offset)
 
     def _check_work(self, *, stated: bool) -> None:
@@ -271,10 +270,24 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             known.constant if constant is None else constant,
         )
         model = self.model if bulk is None else replace(self.model, bulk=bulk)
-        found = DiscreteProblem(model, loading, self.warnings, self.shown, True)
+        found = self.fitted(model, loading)
         if loading.law is not known.law:
             _check_law(loading.law, loading.offset)
         return found
+
+    def fitted(
+        self, model: Model | None = None, loading: Loading | None = None, warnings: tuple[str, ...] | None = None
+    ) -> DiscreteProblem:
+        """With another model, loading or warnings that are known to fit: neither law nor size of the load is tried."""
+        said = self.warnings if warnings is None else warnings
+        return DiscreteProblem(model or self.model, loading or self.loading, said, self._shown, True)
+
+    def on_the_same(self, model: Model) -> DiscreteProblem:
+        """The problem with a model of the same body that was made before: what was shown of the one holds of it."""
+        found, shown = self.fitted(model), self._shown
+        if shown is None or not shown.covers(self._held_by):
+            return found
+        return replace(found, _shown=replace(shown, of=found._held_by), _known=True)
 
     def __repr__(self) -> str:
         contact, names = self.contact, ", ".join(self.contact.names)
@@ -365,8 +378,10 @@ class DiscreteProblem(PickleMixin, ReprMixin):
 
         :func:`hemivar.discretize` does so; another load, law or bulk is another question, another gap is not.
         """
-        shown = self.shown
-        return shown is not None and shown.limit is None and shown.idle is None and shown.covers(self._held_by)
+        shown = self._shown
+        if shown is None or (shown.limit, shown.idle, shown.balanced) != (None, None, None):
+            return False
+        return shown.covers(self._held_by)
 
     @property
     def limit(self) -> str | None:
@@ -375,7 +390,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         As glue does that breaks. :func:`hemivar.discretize` finds it; it is decided again for another load or law. None
         where the energy grows along every motion, and where nothing is known.
         """
-        shown = self.shown
+        shown = self._shown
         if shown is None or shown.covers(self._held_by):
             return None if shown is None else shown.limit
         perhaps = shown.limit is not None or (shown.idle is not None and self.law.softens)
@@ -397,17 +412,27 @@ class DiscreteProblem(PickleMixin, ReprMixin):
     def idle(self) -> str | None:
         """A sentence where nothing acts on a body that contact alone would hold, so that it rests in one of many
         equilibria; :func:`hemivar.discretize` finds it."""
-        return self.shown.idle if self.shown is not None and self.shown.covers(self._held_by) else None
+        return self._shown.idle if self._shown is not None and self._shown.covers(self._held_by) else None
 
     @property
     def notes(self) -> tuple[str, ...]:
         """:attr:`warnings`, :attr:`limit` and :attr:`idle`: what results must say beside their numbers."""
         return (*self.warnings, *(said for said in (self.limit, self.idle) if said is not None))
 
-    def known_to_be_held(self, limit: str | None = None, idle: str | None = None) -> DiscreteProblem:
-        """The problem, known to be :attr:`held` from now on, up to a :attr:`limit`, or to be :attr:`idle`; for who has
-        shown it."""
-        shown = CoercivityProof(self._held_by, limit, idle)
+    @property
+    def balanced_by_friction(self) -> bool:
+        """Whether only friction holds it that the pressure bounds, whose cones balance the load.
+
+        :func:`hemivar.discretize` finds it.
+        """
+        return self._shown is not None and self._shown.balanced is True
+
+    def known_to_be_held(
+        self, limit: str | None = None, idle: str | None = None, balanced: bool | None = None
+    ) -> DiscreteProblem:
+        """The problem, known to be :attr:`held` from now on, up to a :attr:`limit`, by friction, or to be :attr:`idle`;
+        for who has shown it."""
+        shown = CoercivityProof(self._held_by, limit, idle, balanced)
         return DiscreteProblem(self.model, self.loading, self.warnings, shown, True)
 
     @property
@@ -488,7 +513,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         if self.contact_points > 0 or not vectors.alone:
             contact = self.contact
             r = contact.trace_of(u) - self.offset
-            moved = np.abs(contact.trace) @ np.abs(u)  # what may cancel in r
+            moved = contact.sizes @ np.abs(u)  # what may cancel in r
             sizes = vectors.largest(float(moved.max(initial=0.0)), float(np.abs(self.offset).max(initial=0.0)))
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
             own = contact_energy(law, contact.weights, r, 1e-12 * float(sizes.max()))

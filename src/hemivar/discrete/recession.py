@@ -107,11 +107,15 @@ class CoercivityProof:
         The sentence for a body that its foundation holds at rest only; None if its energy grows along every motion.
     idle : str or None
         The sentence for a body on which nothing acts, so that it rests in one of many equilibria; None for others.
+    balanced : bool or None
+        Of a body that only friction holds which the pressure bounds: whether its cones balance the load, or that was
+        not decided. None for others.
     """
 
     of: tuple[object, ...]
     limit: str | None = None
     idle: str | None = None
+    balanced: bool | None = None
 
     def covers(self, of: tuple[object, ...]) -> bool:
         """Whether it was decided of these."""

@@ -127,13 +127,18 @@ class Residual:
         return finite and self._telling and self.total <= atol + rtol * self.scale + self.rounding
 
 
-def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
-    """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it."""
+def load_scale(problem: DiscreteProblem, compliance: Array, rest: float | None = None) -> LoadScale:
+    """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it.
+
+    ``rest`` is that of another load, where it is known.
+    """
     vectors = problem.vectors
     load = problem.loading.load_size if vectors.alone else float(vectors.norms(problem.load)[0])
     load = max(load, _known_force(problem))
     if not problem.contact_points and vectors.alone:
         return LoadScale(load, 0.0)
+    if rest is not None:
+        return LoadScale(load, rest)
     with np.errstate(all="ignore"):
         resting = problem.contact_force(resting_multiplier(problem.law, problem.offset, compliance))
         rest = float(vectors.norms(resting)[0])

@@ -477,7 +477,7 @@ class StepMatrices:
             slow = replace(problem.model.parts, scale=factor).model(problem.model.resisted)
         else:
             slow = self._stiffer(problem, resistance, lambda K: combined([(factor, K)]), factor)
-        return replace(problem, model=slow, law_known=True)
+        return problem.fitted(slow)
 
     def on_its_foundation(self, problem: DiscreteProblem, alpha: float) -> tuple[DiscreteProblem, sp.csr_array]:
         """The problem with springs ``alpha`` (force per area and length) at all contact points, and their stiffness."""
@@ -488,7 +488,7 @@ class StepMatrices:
             return sp.csr_array(K + contact.trace.T @ sp.diags_array(weights) @ contact.trace)
 
         slow = self._stiffer(problem, -alpha, with_springs)
-        return replace(problem, model=slow, law_known=True), sp.csr_array(slow.linear.stiffness - problem.stiffness)
+        return problem.fitted(slow), sp.csr_array(slow.linear.stiffness - problem.stiffness)
 
     def _stiffer(
         self, problem: DiscreteProblem, key: float, make: Callable[[sp.csr_array], sp.csr_array], factor: float = 1.0
@@ -518,7 +518,8 @@ class StepMatrices:
         if isinstance(model.bulk, Potential):
             assert isinstance(model.parts, Composition)
             model = replace(model.parts, place=self.discrete.full(place)).model(model.resisted)
-        return DiscreteProblem(model, Loading(load, offset, law), base.warnings, base.shown, not first)
+        found = base.fitted(model, Loading(load, offset, law))
+        return replace(found) if first else found
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete
@@ -532,5 +533,6 @@ class StepMatrices:
             parts.model(discrete.mass is not None or discrete.stores),
             Loading(np.zeros(base.unknowns), base.offset, base.law),
             base.warnings,
-            law_known=True,
+            None,
+            True,
         )

@@ -35,13 +35,19 @@ class Mass(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Evolution(PickleMixin):
-    """A contact problem in time: ``M u'' + C u' + K u + B'W lam = f(t)`` from an initial state on.
+    """A contact problem in time, from an initial state on; :func:`hemivar.march` solves it step by step.
 
-    Scalar problems as well: membranes and antiplane shear have density and viscosity, and C of heat is its capacity,
-    so that ``C u' + K u + B'W lam = f`` is the balance of heat.
+    >>> import hemivar as hv
+    >>> block = hv.ContactProblem(
+    ...     hv.rectangle((1.0, 1.0), 2), hv.Material.young(10.0, 0.3, density=1.0),
+    ...     {"bottom": hv.Contact(hv.Compliance(9.0))})
+    >>> drop = hv.Evolution(block, inertia=True, velocity=(0.0, -1.0))
+    >>> hv.march(drop, until=0.1, step=0.05).times
+    array([0.  , 0.05, 0.1 ])
 
-    Friction acts on the rate of the slip, stored energies on the penetration; what depends on ``t`` in the problem
-    (loads, supports, gaps, parameters of laws) follows the time.
+    The equation is ``M u'' + C u' + K u + B'W lambda = f(t)``, with lambda the forces of contact; without inertia M is
+    left out.  Loads, supports, gaps and parameters of laws that are formulas of ``t`` follow the time.  The normal law
+    sees the penetration, friction the slip or its rate, as the law says.  In a problem of heat C is the capacity.
 
     Parameters
     ----------
@@ -66,14 +72,6 @@ class Evolution(PickleMixin):
     ProblemError
         Inertia without density, a velocity without inertia, heat in a material that is not linear, or data that do
         not fit the mesh.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> bar = hv.ContactProblem(
-    ...     hv.rectangle((1.0, 1.0), 2), hv.Material.young(10.0, 0.3, density=1.0),
-    ...     {"bottom": hv.Contact(hv.Compliance(9.0))})
-    >>> drop = hv.Evolution(bar, inertia=True, velocity=(0.0, -1.0))
     """
 
     problem: ContactProblem | FormProblem

@@ -64,8 +64,9 @@ _ENDS = 200
 _LARGEST = 1500
 #: A change of place that counts as a jump, as a part of a typical displacement.
 _JUMPS = 1e-4
-#: Part of the tolerance of a step that cycles of multigrid leave, and that a linear body in the place of another does.
-_SHARE, _AIM = 0.9, 0.1
+#: Part of the tolerance of a step that cycles of multigrid leave, that minimal residuals do, and that a linear body in
+#: the place of another does.
+_SHARE, _HALF, _AIM = 0.9, 0.5, 0.1
 #: Part of the size of what is added up by which rounding may be taken for half of a tolerance.
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
 #: Ends that a tolerance below what the arithmetic allows may have.
@@ -353,12 +354,9 @@ class StageSolver:
     def _foreseen(self, stage: Stage, initial: Solution | None, method: Solver | None) -> tuple[Array, Solver | None]:
         """Where a method starts from, and how: multigrid with the contact points where they are expected."""
         inert, start = self.discrete.mass is not None, _start(stage, initial)
-        if (
-            initial is not None
-            or not inert
-            or not isinstance(method, NonsmoothMultigrid)
-            or method.refuse(stage.problem) is not None
-        ):
+        if initial is not None or not inert or not isinstance(method, NonsmoothMultigrid | SemismoothNewton):
+            return start, method
+        if method.condenses or method.refuse(stage.problem) is not None:
             return start, method
         expected = predicted_contact(stage, set_up(stage.problem, self.workspace))
         return (start, method) if expected is None else (expected, replace(method, settled=True))
@@ -434,6 +432,8 @@ def _as_accurate(solver: Solver | None, controls: Controls) -> Solver | None:
     """
     if isinstance(solver, ProximalNewton):
         return solver if solver.absolute else replace(solver, absolute=_AIM * controls.atol)
+    if isinstance(solver, SemismoothNewton) and solver.tolerance is None:
+        return replace(solver, tolerance=_HALF * controls.rtol, absolute=_HALF * controls.atol)
     if not isinstance(solver, NonsmoothMultigrid) or solver.tolerance is not None:
         return solver
     return replace(solver, tolerance=_SHARE * controls.rtol, absolute=_SHARE * controls.atol)

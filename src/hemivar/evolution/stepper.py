@@ -360,7 +360,7 @@ class _Round:
 
 def method_of(discrete: DiscreteEvolution) -> Solver | None:
     """What suits the elastic body; None over ranks, whose engine has one."""
-    return suited(choose(discrete.problem)[0], discrete.problem) if discrete.vectors.alone else None
+    return suited(choose(discrete.problem, many=True)[0], discrete.problem) if discrete.vectors.alone else None
 
 
 def _undamped(law: StepLaw, point: Kinematics, multiplier: Array) -> Array:

@@ -1,4 +1,24 @@
-"""From the statement of a contact problem to its discrete energy."""
+"""From the statement of a contact problem to its discrete energy.
+
+The displacement is ``U = P u + u0`` with orthonormal columns in P: at contact nodes the normal and the tangents, at
+inclined rollers the free tangents, elsewhere the Cartesian axes. Then ``K = P' Kf P`` and ``f = P'(F - Kf u0)``; gap
+and slip offset take up u0. Where two bodies touch, unknowns of the slave are its jumps, and its nodes follow the
+master at jumps zero. A bedding is part of K, and a body with one has no free motions. A nonlinear body has a
+``Potential`` in the place of K, and its internal forces at u0 in that of ``Kf u0``. Its u0 is the displacement of the
+linear body without strain that follows the supports: supports that move alone would strain the cells at them, the
+more the finer the mesh is.
+
+The normal of a contact node is the normalised sum of the adjacent facet normals times facet measures; at an obstacle
+normal and gap are those stated, and points whose normal misses it are no contact points.  With midpoint quadrature the
+displacement of a facet is its mean, so that the multiplier is constant on facets.  The energy of points that supports
+hold entirely goes into ``constant``.  Where a support fixes a direction oblique to the normal, normal and tangential
+motion are one: the point keeps its normal row, and the dependent tangential row is zero.  A node where two contact
+boundaries meet smoothly is one point: weights are added, normals averaged, and law and gap are those of the boundary
+named first.  Where they meet at more than 45 degrees it is a point of both, without friction.
+
+Of one component the unknowns are the values at free nodes.  Contact points are nodes, those of an area with its lumped
+weights.  If any law is friction there are two local components: friction acts on the second, other laws on the first.
+"""
 
 from __future__ import annotations
 
@@ -46,35 +66,20 @@ _SOFT, _DIGITS = 1e-8, 16
 def discretize(
     problem: ContactProblem | ManufacturedProblem, *, check_coercivity: bool = True, evolving: bool = False
 ) -> DiscreteProblem:
-    """Discretise a contact problem, or a scalar one, by finite elements.
+    """Discretise a contact problem, or a scalar one, by finite elements: stiffness, load, contact points and their law.
 
-    The displacement is ``U = P u + u0`` with orthonormal columns in ``P``: at the nodes of a contact
-    boundary (nodal quadrature) they are the normal and the tangents, so that the trace selects unknowns; at
-    inclined rollers the free tangents; elsewhere the Cartesian axes. Where two bodies touch, unknowns of the slave
-    are its jumps, normal and tangential, and its nodes follow the master at jumps zero. ``K = P' Kf P``,
-    ``f = P'(F - Kf u0)``; gap and slip offset take up ``u0``. A bedding of the body is part of K, and a body with one
-    has no free motions. A body that is not linear has a :class:`.Potential` in the place of K, and its
-    internal forces at ``u0`` in that of ``Kf u0``; its ``u0`` is the displacement of the linear body without strain
-    that follows the supports, for supports that move alone would strain the cells beside them the more the finer the
-    mesh is.
+    >>> import hemivar as hv
+    >>> problem = hv.discretize(hv.gallery.survey("5.1", 8))
+    >>> problem
+    DiscreteProblem(272 unknowns, 8 contact points of 2 components on bottom, law survey)
+    >>> K, B = problem.stiffness, problem.contact.trace
+    >>> K.shape, B.shape
+    ((272, 272), (16, 272))
 
-    With nodal quadrature, contact point j is a node; its normal is the normalised sum of the adjacent facet
-    normals times facet measures, its weight the integral of its shape function over the contact boundary.
-    Where the foundation is an obstacle, normal and gap are those stated in :class:`Contact`; points whose normal misses
-    it are no contact points.
-    With midpoint quadrature, contact point j is a facet, its displacement the mean over the facet (for
-    order 1 that of the midpoint), so that the multiplier is constant on every facet. Contact points that
-    the supports hold entirely are dropped and their energy goes into ``constant``. Where a support fixes a
-    direction oblique to the contact normal, normal and tangential motion are one: the point keeps its
-    normal row, and the dependent tangential row is set to zero (no friction in that direction). A node where
-    two contact boundaries meet smoothly is one contact point, with the law and gap of the boundary named
-    first, which it belongs to, the weights added and the normals averaged; where they meet at more than 45 degrees it
-    is a point of both, with their normal laws and without friction. Where friction is left out so,
-    ``contact.without_friction`` and ``warnings`` of the discrete problem say it, with the points.
-
-    Of one component the unknowns are the values at the free nodes, and contact points are nodes, of an area with its
-    lumped weights. A law of the penetration has one local component; if any law is friction there are two, of which
-    friction acts on the second and laws of the penetration on the first.
+    Unknowns are the displacements that supports leave free; at contact nodes they are along the normal and the
+    tangents, so that B selects them.  Contact points are the nodes of the contact boundaries, or with midpoint
+    quadrature their facets; weights are the parts of the boundary that belong to them.  Points that supports hold
+    entirely are left out, and ``warnings`` name those where supports or a second boundary leave no friction.
 
     Parameters
     ----------
@@ -96,16 +101,6 @@ def discretize(
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
         positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
         depend on one another, the body is free to move, or something depends on time.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> problem = hv.discretize(hv.gallery.survey("5.1", 8))
-    >>> problem
-    DiscreteProblem(272 unknowns, 8 contact points of 2 components on bottom, law survey)
-    >>> K, B = problem.stiffness, problem.contact.trace
-    >>> K.shape, B.shape
-    ((272, 272), (16, 272))
     """
     given = ManufacturedProblem.of(problem)
     if isinstance(given, DiscreteProblem):

@@ -111,15 +111,15 @@ def von_mises(source: ContactProblem, displacement: Array) -> Array:
     -------
     array, shape (M,)
     """
-    sigma = stress(source, displacement)
-    mesh = source.mesh
-    full = np.zeros((len(sigma), 3, 3))
-    full[:, : mesh.dim, : mesh.dim] = sigma
-    if mesh.dim == 2:
-        full[:, 2, 2] = out_of_plane_stress(source, displacement)
-    mean = np.einsum("mii->m", full) / 3.0
-    deviator = full - mean[:, None, None] * np.eye(3)
-    return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
+    deviator = stress(source, displacement)  # as it comes: the mean is taken off below
+    diagonal = np.einsum("mii->mi", deviator)
+    across = out_of_plane_stress(source, displacement) if source.mesh.dim == 2 else np.zeros(len(deviator))
+    mean = (diagonal.sum(axis=1) + across) / 3.0
+    diagonal -= mean[:, None]
+    square = np.einsum("mij,mij->m", deviator, deviator)
+    if source.mesh.dim == 2:
+        square += (across - mean) ** 2
+    return np.asarray(np.sqrt(1.5 * square))
 
 
 def gradient(problem: ContactProblem, values: Array) -> tuple[Array, Array]:
@@ -215,7 +215,7 @@ def _strain_at(mesh: Mesh, order: int, displacement: Array, barycentric: Array) 
     slopes = barycentric_gradients(mesh)
     if order == 2:
         slopes = np.einsum("ab,mbd->mad", shape_derivatives(order, barycentric), slopes)
-    gradient = np.einsum("mai,maj->mij", displacement[mesh.cell_nodes(order)], slopes)
+    gradient = displacement[mesh.cell_nodes(order)].transpose(0, 2, 1) @ slopes
     return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
 
 

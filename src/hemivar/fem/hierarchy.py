@@ -39,6 +39,9 @@ class Coarser:
         The contact point of the finer problem at the place of each contact point of the coarser one.
     pairs : mapping
         Contact points of two bodies on the coarser mesh, by boundary.
+    shift : array, shape (n,), or None
+        Fine unknowns of what prescribed displacements are carried into the body as by the coarser problem, where that
+        is not a part of its field.
     """
 
     problem: DiscreteProblem
@@ -46,6 +49,7 @@ class Coarser:
     field: Field
     shared: IntArray
     pairs: Mapping[str, BoundaryContact]
+    shift: Array | None = None
 
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
@@ -70,6 +74,8 @@ class Coarser:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
         coarse = self.problem.field
         assert coarse is not None
+        if coarse.mesh is self.field.mesh:
+            return np.asarray(self.prolongation @ unknowns)
         assert self.field.mesh.parent is not None
         fine = self.field.mesh.parent.interpolation @ coarse.full(unknowns)
         return self.field.restrict(fine)
@@ -169,8 +175,7 @@ def _coarser_tangent(problem: DiscreteProblem, tangent: Tangent) -> Coarser | No
 def tangent_problem(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
     """The problem with the linear body that has the stiffness of its body at unknowns (n,)."""
     bulk = cast(Potential, problem.bulk)
-    model = replace(problem.model, bulk=bulk.tangent(u), parts=Tangent(problem, u))
-    return replace(problem, model=model, law_known=True)
+    return problem.fitted(replace(problem.model, bulk=bulk.tangent(u), parts=Tangent(problem, u)))
 
 
 def _stated_load(problem: DiscreteProblem) -> Array:
@@ -192,7 +197,7 @@ def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | 
     assert problem.field is not None
     assert problem.field.mesh.parent is not None
     shared = _nodes_of_both(problem.field.mesh.parent.interpolation)
-    coarse = replace(step.problem, model=parts.of(family, shared).model(problem.model.resisted), law_known=True)
+    coarse = step.problem.fitted(parts.of(family, shared).model(problem.model.resisted))
     step = replace(step, problem=coarse, field=problem.field)
     return replace(step, problem=step.posed(problem))
 

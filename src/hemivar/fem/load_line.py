@@ -146,7 +146,7 @@ class LoadLine:
         if field is None or first is None or np.array_equal(field.prescribed, first.prescribed):
             return self.loaded
         field = replace(field, prescribed=(1.0 - factor) * first.prescribed + factor * field.prescribed)
-        return replace(self.loaded, model=replace(self.loaded.model, space=Space((field,))), law_known=True)
+        return self.loaded.fitted(replace(self.loaded.model, space=Space((field,))))
 
     def _nonlinear(self, factor: float, zero: DiscreteProblem) -> DiscreteProblem:
         """That of a body that is not linear: what prescribed displacements leave of forces and energy follows W."""
@@ -157,7 +157,7 @@ class LoadLine:
         bulk = Potential(last.energy.from_field(field.prescribed.reshape(len(field.nodes), -1)))
         model = replace(displaced.model, bulk=bulk)
         forces = (1.0 - factor) * (zero.load + first.initial_forces) + factor * (loaded.load + last.initial_forces)
-        return replace(loaded, model=model, law_known=True).under(
+        return loaded.fitted(model).under(
             forces - bulk.initial_forces,
             constant=bulk.initial_value + self._constant(factor, zero),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,

@@ -24,6 +24,7 @@ from hemivar.solvers.boundary_result import BoundaryResult
 __all__ = [
     "MOST_BYTES",
     "boundary_names",
+    "laid_out",
     "plain",
     "prepared",
     "read_json",
@@ -169,7 +170,8 @@ def _tangential(values: Array) -> Array | None:
 def plain(value: object) -> object:
     """Lists, numbers and strings; numbers that are not finite become None."""
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        known = value.dtype.kind in "iub" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
+        return value.tolist() if known else plain(value.tolist())
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -179,6 +181,15 @@ def plain(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def laid_out(value: object, margin: str = "") -> str:
+    """JSON of plain numbers, lists and strings, with each key on a line of its own."""
+    if not isinstance(value, dict) or not value:
+        return json.dumps(value, allow_nan=False)
+    inner = margin + " "
+    lines = (f"{inner}{json.dumps(key)}: {laid_out(one, inner)}" for key, one in value.items())
+    return "{\n" + ",\n".join(lines) + f"\n{margin}}}"
 
 
 def write_json(
@@ -217,10 +228,8 @@ def write_json(
         return _with_arrays(solution, path, certificate, more or {}, prepared(arrays, ".npz"))
     record = solution_record(solution, certificate)
     record |= {key: plain(value) for key, value in ({} if more is None else more).items()}
-    # the displacement comes last and on one line, for it is long
-    displacement = json.dumps(record.pop("displacement"), allow_nan=False)
-    head = json.dumps(record, indent=1, allow_nan=False)
-    write_text(path, f'{head[:-2]},\n "displacement": {displacement}\n}}\n')
+    record["displacement"] = record.pop("displacement")  # it comes last, for it is long
+    write_text(path, laid_out(record) + "\n")
     return path
 
 
@@ -237,7 +246,7 @@ def _with_arrays(
     record |= {key: plain(value) for key, value in more.items()} | {"arrays": arrays.name}
     with whole_file(arrays) as name, name.open("wb") as stream:
         write_arrays(stream, beside)
-    write_text(path, json.dumps(plain(record), indent=1, allow_nan=False) + "\n")
+    write_text(path, laid_out(plain(record)) + "\n")
     return path
 
 

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <new>
 #include <stdexcept>
+#include <vector>
 
 #include "active_sets.hpp"
 #include "cells.hpp"
@@ -101,7 +102,7 @@ int two_sums(int64_t n, double* out, const Term& term) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 9; }
+HEMIVAR_API int hv_abi() { return 10; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -149,17 +150,6 @@ HEMIVAR_API int hv_truncation_rows(Truncation* truncation, int64_t k, const uint
 }
 
 // Another matrix on a level; its scale stays that of the transfers.
-HEMIVAR_API int hv_truncation_matrix(Truncation* truncation, int64_t k, int64_t n, const int32_t* indptr,
-                                     const int32_t* indices, const double* data) {
-    return guarded([&] {
-        const Level& before = *truncation->levels.levels[k];
-        const std::vector<float> signs(n, 1.0f);
-        truncation->changed[k].level = std::make_unique<Level>(Csr{n, n, indptr, indices, data}, before.d, before.nodes,
-                                                               before.place.data(), signs.data(), nullptr, 0,
-                                                               &before.unit);
-    });
-}
-
 HEMIVAR_API int hv_truncation_root(Truncation* truncation, const double* root) {
     return guarded([&] { truncation->set_root(root); });
 }
@@ -227,6 +217,46 @@ HEMIVAR_API int hv_multiply(int64_t n, const int32_t* indptr, const int32_t* ind
             }
         });
     });
+}
+
+// C += A B of matrices by rows, `rows` of A and C and `columns` of B and C; 2 if C has no place for an entry.
+HEMIVAR_API int hv_add_product(int64_t rows, int64_t columns, const int32_t* starts, const int32_t* indices,
+                               const double* data, const int32_t* right_starts, const int32_t* right_indices,
+                               const double* right_data, const int32_t* out_starts, const int32_t* out_indices,
+                               double* out) {
+    constexpr int32_t kSide = 5;  // columns of a node stand side by side: three at once, of two nodes or one
+    std::atomic<bool> beyond{false};
+    const int status = guarded([&] {
+        const int64_t chunk = kChunk;
+        share((rows + chunk - 1) / chunk, [&](int64_t piece) {
+            std::vector<int32_t> place(columns, -1);
+            for (int64_t i = piece * chunk; i < std::min(rows, (piece + 1) * chunk); ++i) {
+                for (int32_t e = out_starts[i]; e < out_starts[i + 1]; ++e) place[out_indices[e]] = e;
+                for (int32_t e = starts[i]; e < starts[i + 1]; ++e) {
+                    const double factor = data[e];
+                    if (factor == 0.0) continue;
+                    const int32_t j = indices[e];
+                    const int32_t end = right_starts[j + 1];
+                    for (int32_t f = right_starts[j]; f < end;) {
+                        const int32_t column = right_indices[f], at = place[column];
+                        if (at >= out_starts[i] && f + kSide < end && right_indices[f + kSide] == column + kSide &&
+                            place[column + kSide] == at + kSide) {
+                            for (int s = 0; s <= kSide; ++s) out[at + s] += factor * right_data[f + s];
+                            f += kSide + 1;
+                            continue;
+                        }
+                        if (at >= out_starts[i]) {
+                            out[at] += factor * right_data[f];
+                        } else if (right_data[f] != 0.0) {
+                            beyond = true;
+                        }
+                        ++f;
+                    }
+                }
+            }
+        });
+    });
+    return status ? status : (beyond.load() ? 2 : 0);
 }
 
 // The diagonal of a matrix by rows with sorted columns; 2 if rows do not follow one another up to the number of entries.
@@ -302,12 +332,13 @@ HEMIVAR_API void hv_panels_forward(const Panels* panels, double* x) { panels->fo
 
 HEMIVAR_API void hv_panels_backward(const Panels* panels, double* x) { panels->backward(x); }
 
-// tables: stiffness, bounds, anchor, base, slope, knots, low, high, first, last, matrix, weights, compliance.
+// tables: stiffness, bounds, anchor, base, slope, knots, low, high, first, last, matrix, weights, compliance,
+// coefficient or null.
 HEMIVAR_API ActiveSets* hv_active_sets_new(int64_t n, int64_t states, const double* const* tables) {
     ActiveSets* made = nullptr;
     const double* const* t = tables;
     guarded([&] {
-        const Tables law{n, states, t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9]};
+        const Tables law{n, states, t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[13]};
         made = new ActiveSets(law, t[10], t[11], t[12]);
     });
     return made;

@@ -21,7 +21,7 @@ template <int D>
 class Walk {
 public:
     Walk(const Level& level, const Changed& changed, int64_t from, bool down)
-        : level_(level), rows_(changed.rows), down_(down), active_(changed.active && !changed.level) {
+        : level_(level), rows_(changed.rows), down_(down), active_(changed.active) {
         if (!active_) return;
         const auto& nodes = level.contact_nodes;
         at_ = (down ? std::upper_bound(nodes.begin(), nodes.end(), from)

@@ -69,11 +69,10 @@ private:
     void to_blocks(const Level& fine, const Level& coarse);
 };
 
-// The rows of the contact nodes of a level in a solve, or a whole other level.
+// The rows of the contact nodes of a level in a solve: of all nodes where no mesh belongs to it.
 struct Changed {
     Rows rows;
     Array<int32_t> held;      // slots
-    std::unique_ptr<Level> level;   // where not only these rows are changed
     bool active = false;
 };
 
@@ -102,7 +101,7 @@ struct Truncation {
     Array<int32_t> first;
 
     explicit Truncation(const Levels& levels) : levels(levels), changed(levels.levels.size()) {}
-    const Level& level(int64_t k) const { return changed[k].level ? *changed[k].level : *levels.levels[k]; }
+    const Level& level(int64_t k) const { return *levels.levels[k]; }
     void change(int64_t k, const uint8_t* held, const double* values);
     void set_root(const double* root);
     void cycle(int64_t top, const double* right, double* out) const;

@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import DTypeLike
 
 from hemivar.basics.machine import cores
@@ -17,7 +18,7 @@ from hemivar.basics.types import AnyArray, Array
 __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 9
+_ABI = 10
 #: With a dot inside, so that nothing that lists the modules of a package takes the library for one.
 _NAMES = ("_compiled.kernels.so", "_compiled.kernels.pyd")
 #: Most threads that are ever taken.
@@ -37,7 +38,6 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_truncation_new": ([c_void_p], c_void_p),
     "hv_truncation_free": ([c_void_p], None),
     "hv_truncation_rows": ([c_void_p, c_int64, c_void_p, c_void_p], c_int),
-    "hv_truncation_matrix": ([c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p], c_int),
     "hv_truncation_root": ([c_void_p, c_void_p], c_int),
     "hv_cycle": ([c_void_p, c_int64, c_void_p, c_void_p], c_int),
     "hv_edges_new": ([c_int, c_int64, c_int64, c_void_p, c_void_p], c_int),
@@ -54,6 +54,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_graph_lengths": ([c_void_p, c_int, c_void_p, c_void_p], c_int64),
     "hv_graph_rows": ([c_void_p, c_int, *[c_void_p] * 6], c_int),
     "hv_diagonal": ([c_int64, c_int64, *[c_void_p] * 4], c_int),
+    "hv_add_product": ([*[c_int64] * 2, *[c_void_p] * 9], c_int),
     "hv_multiply": ([c_int64, *[c_void_p] * 5], c_int),
     "hv_advance": ([c_int64, c_double, *[c_void_p] * 5], c_int),
     "hv_curvature": ([c_int64, *[c_void_p] * 4], c_int),
@@ -133,6 +134,25 @@ class Kernels:
         found, at = np.empty(indptr.size - 1), self.address
         self.check(self.call.hv_diagonal(found.size, data.size, at(indptr), at(indices), at(data), at(found)))
         return found
+
+    def add_product(
+        self, left: sp.csr_array, right: sp.csr_array, out: tuple[AnyArray, AnyArray, Array], columns: int
+    ) -> None:
+        """``C += A B`` of matrices whose arrays the caller has checked once, C of this many columns on a pattern.
+
+        ``out``: starts, columns and numbers of its rows, which are changed. Raises ValueError: C has no place for an
+        entry, or the rows and columns of the matrices do not fit.
+        """
+        starts, indices, data = out
+        if left.shape[1] != right.shape[0] or starts.size != left.shape[0] + 1 or columns != right.shape[1]:
+            raise ValueError(f"a product of {left.shape} and {right.shape} does not fit {starts.size - 1} rows")
+        for one in (left.indptr, left.indices, right.indptr, right.indices, starts, indices):
+            expect_list("rows and columns of a product", one, np.int32)
+        for one in (left.data, right.data, data):
+            expect_list("numbers of a product", one, np.float64)
+        at = self.address
+        parts = (left.indptr, left.indices, left.data, right.indptr, right.indices, right.data, starts, indices, data)
+        self.check(self.call.hv_add_product(left.shape[0], columns, *map(at, parts)))
 
     def curvature(self, p: Array, q: Array, diagonal: Array) -> tuple[float, float]:
         """``p'q`` and ``p' diag(diagonal) p`` of arrays (n,), summed in the same order by any number of threads."""

@@ -39,6 +39,7 @@ class ContactChart(Chart):
     tables: GraphTables  # of both parts; of the penetration alone where a bound depends on the state
     slip: GraphTables | None = None  # of friction with the bound 1, there
     bound: StateBound | None = None  # on the friction, there
+    apart: tuple[Superpotential, ...] = ()  # normal law and profile, there
     part: float = 1.0  # of such a bound that counts
 
     def at(self, p: Array, near: Array | None = None) -> OnGraph:
@@ -71,6 +72,21 @@ class ContactChart(Chart):
         block[:, [0, 1], [0, 1]] += across[:, None]
         jacobian[:, 1:, 1:] = block
         return OnGraph(_along(r, heading), _along(lam, heading), jacobian)
+
+    @property
+    def in_one(self) -> tuple[GraphTables, Array | None] | None:
+        """Tables of both parts; where friction is bounded by multiples (m,) of the pressure, these and the bound 1.
+
+        None where the bound depends on the state otherwise.
+        """
+        if self.slip is None or self.bound is None:
+            return self.tables, None
+        tables = GraphTables.of(self.apart, self.stiffness) if self.bound.proportional else None
+        return (
+            None
+            if tables is None
+            else (tables, self.part * np.broadcast_to(self.bound.per_pressure, len(tables.stiffness) // 2))
+        )
 
     def _columns(self, r: Array, lam: Array) -> list[tuple[GraphTables, slice]]:
         """Tables under the bounds of pairs (m, c), with the columns that are theirs."""

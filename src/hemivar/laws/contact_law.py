@@ -257,7 +257,9 @@ class ContactLaw(NormalAndFriction):
         if tables is None or (apart and slip is None):
             return super().chart(a, components)
         bound = self.friction.bound
-        return ContactChart(self, a, tables, slip, bound if apart and isinstance(bound, StateBound) else None)
+        if not (apart and isinstance(bound, StateBound)):
+            return ContactChart(self, a, tables, slip)
+        return ContactChart(self, a, tables, slip, bound, (self.normal, self.friction.profile))
 
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape

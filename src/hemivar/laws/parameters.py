@@ -27,6 +27,7 @@ __all__ = [
     "PRESSURE",
     "RATE",
     "checked_reach",
+    "common_rows",
     "evaluate",
     "field_values",
     "numbers",
@@ -136,6 +137,14 @@ def field_values(owner: DataclassInstance, points: Array | None, whose: str) -> 
                 given, points, f"{one.name} of {whose}", said.least, above=said.above, most=said.most
             )
     return found
+
+
+def common_rows(whose: str, *sizes: int) -> int:
+    """For how many contact points numbers and laws of these sizes are together: 1 for all, 0 on a rank without any."""
+    found = set(sizes) - {1}
+    if len(found) > 1:
+        raise ProblemError(f"{whose}: its parameters are given for {sorted(found)} contact points; make them equal")
+    return found.pop() if found else 1
 
 
 def _where(bad: np.ndarray, points: Array | None) -> str:

@@ -11,8 +11,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
-from hemivar.errors import ProblemError
-from hemivar.laws.parameters import field_values, read_formulas
+from hemivar.laws.parameters import common_rows, field_values, read_formulas
 from hemivar.laws.piecewise import PiecewiseQuadratic, TabulatedLaw
 from hemivar.laws.superpotential import Superpotential
 
@@ -35,11 +34,7 @@ class ParameterLaw(Superpotential):
 
     def _values(self, points: Array | None) -> dict[str, Array]:
         found = field_values(self, points, f"law '{self.name}'")  # type: ignore[arg-type]
-        rows = {value.size for value in found.values()} - {1}
-        if len(rows) > 1:
-            raise ProblemError(
-                f"law '{self.name}': its parameters are given for {sorted(rows)} contact points; make them equal"
-            )
+        common_rows(f"law '{self.name}'", *(value.size for value in found.values()))
         return found
 
     @property

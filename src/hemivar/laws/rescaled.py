@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.compiled_law import LaidOut, lay_out
+from hemivar.laws.parameters import common_rows
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["RescaledLaw", "ResolvedLaw", "moved_ends", "row", "separated", "taken"]
@@ -108,8 +109,7 @@ class RescaledLaw(ResolvedLaw):
     @cached_property
     def rows(self) -> int:  # type: ignore[override]
         """Number of contact points, 1 if all are alike."""
-        sizes = (self.factor.size, self.theta.size, self.c.size, self.base.rows)
-        return max(sizes) if min(sizes) else 0  # a rank may have no contact points
+        return common_rows(f"law '{self.name}'", self.factor.size, self.theta.size, self.c.size, self.base.rows)
 
     @property
     def searched(self) -> int:
@@ -209,7 +209,7 @@ class RescaledLaw(ResolvedLaw):
     @property
     def alpha_reach(self) -> float:
         reach = self.base.alpha_reach
-        return max(float(((reach - np.abs(self.c)) / self.theta).min()), 0.0) if self.moved else reach
+        return max(float(((reach - np.abs(self.c)) / self.theta).min(initial=np.inf)), 0.0) if self.moved else reach
 
     def weak_convexity_within(self, reach: float) -> Array:
         if not self.moved:

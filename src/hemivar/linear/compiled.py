@@ -141,16 +141,6 @@ class CompiledTruncation:
         at = self._kernels.address
         self._kernels.check(self._kernels.call.hv_truncation_rows(self._pointer, k, at(held), at(values)))
 
-    def replace(self, k: int, A: sp.csr_array) -> None:
-        """Another matrix for a level without contact unknowns."""
-        self._levels.check(k)
-        n = self._levels.sizes[k]
-        _check(A, (n, n))
-        at = self._kernels.address
-        self._kernels.check(
-            self._kernels.call.hv_truncation_matrix(self._pointer, k, n, at(A.indptr), at(A.indices), at(A.data))
-        )
-
     def set_root(self, root: Array) -> None:
         """R with R R' about the inverse of the coarsest matrix."""
         root = np.require(root, float, ["C", "A"])

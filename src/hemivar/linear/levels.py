@@ -22,6 +22,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.kernels import kernels as compiled_kernels
 from hemivar.linear.compiled import CompiledLevels, CompiledTruncation, NodeSlots
+from hemivar.linear.fixed_patterns import FixedChange
 from hemivar.linear.products import product
 from hemivar.linear.truncated_level import CoarseChange, Level, Points, Transfer, TruncatedLevel, sweeps
 
@@ -130,7 +131,9 @@ class Levels:
 
     def __getstate__(self) -> dict[str, object]:
         """Copies make their compiled levels anew."""
-        return {name: one for name, one in vars(self).items() if name not in ("compiled", "_whole")} | {"_idle": []}
+        return {name: one for name, one in vars(self).items() if name not in ("compiled", "fixed_change", "_whole")} | {
+            "_idle": []
+        }
 
     def borrow(self, top: int) -> Truncated:
         """Levels for one solve to change.
@@ -218,9 +221,25 @@ class Levels:
             available,
             [level.matrix for level in self.levels],
             self.transfers,
-            [level.contact for level in self.levels],
+            # all rows of an algebraic level may change
+            [
+                np.arange(n) if k < self.algebraic else level.contact
+                for k, (n, level) in enumerate(zip(self.sizes, self.levels, strict=True))
+            ],
             self._slots,
         )
+
+    @cached_property
+    def fixed_change(self) -> FixedChange | None:
+        """:attr:`coarse_change` and what it changes further down, in the compiled kernels; None where these are not
+        there, or do not know such patterns."""
+        if self.compiled is None:
+            return None
+        transfers = [one.prolongation for one in self.transfers[: self.algebraic]]
+        try:
+            return FixedChange(self.compiled.kernels, self.levels[: self.algebraic + 1], transfers)
+        except ValueError:
+            return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,16 +348,21 @@ class Truncated:
         """Change algebraic levels by what was held and added on the finer ones."""
         if self._late is None:
             return
-        levels, (held, values), self._late = self._levels, self._late, None
+        levels, (held, values), self._late, self._coarse = self._levels, self._late, None, None
+        if self._compiled is not None and levels.fixed_change is not None:
+            for k, numbers in zip(
+                range(levels.algebraic - 1, -1, -1), levels.fixed_change.of(held, values), strict=True
+            ):
+                self._changed[k].become(numbers)
+                if k:
+                    self._compiled.change(k, np.zeros(levels.sizes[k], dtype=bool), numbers)
+            return
         change = levels.coarse_change.of(held, levels.levels[levels.algebraic].coupling.matrix(values))
         for k in range(levels.algebraic - 1, -1, -1):
             self._changed[k].shift(change)
-            if self._compiled is not None and k:
-                self._compiled.replace(k, self._changed[k].matrix)
             if k:
                 prolongation = levels.transfers[k - 1].prolongation
                 change = sp.csr_array(prolongation.T @ change @ prolongation)
-        self._coarse = None
 
     def cycle(self, k: int, right: Array) -> Array:
         """One symmetric V-cycle from zero: an approximate solution for the right-hand side (n,) of a level.

@@ -108,7 +108,8 @@ class LUFactors:
         self.columns: IntArray = np.array(made[0].perm_c)  # what they hold themselves would keep them all
         self.rows: IntArray = np.array(made[0].perm_r)
         if maker is not None:
-            weakref.finalize(self, maker.drop, made)
+            # Not at the end of the process, where a thread may still solve with them.
+            weakref.finalize(self, maker.drop, made).atexit = False
 
     @property
     def symmetric(self) -> bool:

@@ -232,6 +232,11 @@ class TruncatedLevel:
             self._patch = PointSmoother(self, blocks(k))
         return self._patch if self.stiff else None
 
+    def become(self, numbers: Array) -> None:
+        """Be the matrix with these numbers at the places of that of the level."""
+        matrix = self.level.matrix
+        self._matrix = sp.csr_array((numbers, matrix.indices, matrix.indptr), shape=matrix.shape)
+
     def shift(self, change: sp.csr_array) -> None:
         """Add to the matrix of the level; unknowns that nothing is left of keep their diagonal entry."""
         matrix = sp.csr_array(self.level.matrix + change)

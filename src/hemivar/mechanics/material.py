@@ -34,7 +34,13 @@ def _made(what: str, *constants: object, **named: object) -> Material:
 
 @dataclass(frozen=True, eq=False)
 class Material(PickleMixin):
-    """An elastic material of small strains, made by one of these:
+    """An elastic material of small strains, made by one of its constructors.
+
+    >>> import hemivar as hv
+    >>> steel = hv.Material.young(210e3, 0.3, plane="stress")
+    >>> soil = hv.Material.hencky(bulk=20.0, shear=4.0, softened=0.25, strain=0.05)
+    >>> steel.linear, soil.linear
+    (True, False)
 
     * linear: :meth:`young` (E, nu), :meth:`lame` (lam, mu), :meth:`tensor`; of one component :meth:`gradient`;
     * with a stored energy: :meth:`hencky`, :meth:`ramberg_osgood`, :meth:`locking`, :meth:`potential`;
@@ -42,11 +48,11 @@ class Material(PickleMixin):
 
     :meth:`describe` shows its constants.
 
-    Stresses and strains in matrices are ordered xx, yy, xy in 2D and xx, yy, zz, yz, xz, xy in 3D, shear
-    strains are engineering ones, ``gamma_xy = 2 eps_xy``.
+    In matrices the order is xx, yy, xy in 2D and xx, yy, zz, yz, xz, xy in 3D, with the engineering shear strain
+    ``gamma_xy = 2 eps_xy``.
 
-    A body that moves in time has a stress ``sigma = A eps + V eps' + sum_i h_i`` with a viscosity V (Kelvin and Voigt)
-    and branches ``h_i' + h_i / T_i = A_i eps'`` (Maxwell, Prony), and a mass. Each of the makers takes them by keyword:
+    In time the stress is ``sigma = A eps + V eps' + sum_i h_i``, with a viscosity V (Kelvin and Voigt) and branches
+    ``h_i' + h_i / T_i = A_i eps'`` (Maxwell, Prony).  Statics ignores them.  Each constructor takes by keyword:
 
     density : float or callable, optional
         Mass per volume, positive; needed where inertia counts.
@@ -55,16 +61,6 @@ class Material(PickleMixin):
     branches : sequence of Branch
         In plane stress V and the springs of branches given by constants are taken each in its own plane form, which is
         exact where they are proportional to the elasticity.
-
-    Statics ignores them.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> steel = hv.Material.young(210e3, 0.3, plane="stress")
-    >>> soil = hv.Material.hencky(bulk=20.0, shear=4.0, softened=0.25, strain=0.05)
-    >>> steel.linear, soil.linear
-    (True, False)
     """
 
     @staticmethod

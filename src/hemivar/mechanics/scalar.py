@@ -97,7 +97,18 @@ def ScalarProblem(  # noqa: N802
     capacity: Regional | None = None,
     units: Units | None = None,
 ) -> ContactProblem:
-    """A :class:`ContactProblem` of one component over a mesh: a membrane, antiplane shear or heat.
+    """A :class:`ContactProblem` with one unknown function u: a membrane, antiplane shear or heat.
+
+    >>> import hemivar as hv
+    >>> membrane = hv.ScalarProblem(
+    ...     hv.rectangle((1.0, 1.0), 8), 1.0, kind="membrane", source=-4.0,
+    ...     supports={name: 0.0 for name in ("left", "right", "bottom", "top")},
+    ...     area=hv.ScalarContact(hv.Signorini(), level=-0.1, side="below"))
+    >>> round(float(hv.solve(membrane).displacement.min()), 3)
+    -0.1
+
+    Without contact ``-div(coefficient grad u) + bedding u = source``.  Contact may act on the boundary, ``contact``,
+    and over the domain, ``area``, as under the membrane above.  Solve it as any other problem.
 
     Parameters
     ----------
@@ -139,16 +150,6 @@ def ScalarProblem(  # noqa: N802
     ProblemError
         If a name is unknown, numbers are not finite, conditions exclude each other, heat has a density or a
         viscosity, or something else a capacity.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> membrane = hv.ScalarProblem(
-    ...     hv.rectangle((1.0, 1.0), 8), 1.0, kind="membrane", source=-4.0,
-    ...     supports={name: 0.0 for name in ("left", "right", "bottom", "top")},
-    ...     area=hv.ScalarContact(hv.Signorini(), level=-0.1, side="below"))
-    >>> round(float(hv.solve(membrane).displacement.min()), 3)
-    -0.1
     """
     material = Material.gradient(coefficient, kind, density=density, viscosity=viscosity, capacity=capacity)
     if not isinstance(area, Contact | Mapping):

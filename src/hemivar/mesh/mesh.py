@@ -66,17 +66,12 @@ class Mesh(PickleMixin):
         stored outward oriented.
     regions : mapping of name to int array, shape (k,)
         Numbers of the cells of each named part of the body.
-    parent : Refinement, optional
-        What this mesh is known to be the refinement of: refined meshes, and built-in ones with even numbers of cells,
-        know.  The names of boundaries and regions are handed down to the coarser meshes.
-    recipe : MeshRecipe or None
-        How the mesh was made, where a problem file can say it: built-in or from a file, then scaled and refined. A mesh
-        changed otherwise has none.
     interfaces : mapping of name to int array, shape (k, d)
         Nodes of the facets of each named curve or surface inside the body. :meth:`opened` makes boundaries of its two
         sides.
-    reading : Reading
-        What the reader of its file did and suggests: see :attr:`notes` and :attr:`suggested_order`.
+    parent, recipe, reading : Refinement, MeshRecipe and Reading
+        Kept by the library: the coarser mesh of multigrid, how a problem file states the mesh, and what the reader of
+        its file did. Ask :attr:`notes` and :attr:`suggested_order`; leave them out of your own meshes.
 
     Raises
     ------

@@ -234,7 +234,7 @@ class StepMatricesOnRanks(StepMatrices):
         if known is None or known[0] is not body or known[1] != resistance:
             stiffer = body.stiffened(combined(body.K, [(resistance, body.K)]), body.supported, MultigridForMany())
             self._resisted = known = body, resistance, replace(problem.model, bulk=BulkOnRanks(stiffer))
-        return replace(problem, model=known[2], law_known=True)
+        return problem.fitted(known[2])
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete
@@ -246,7 +246,7 @@ class StepMatricesOnRanks(StepMatrices):
         known, start = discrete.problem.model, discrete.body
         inertia = bool(inert) and family.mass is not None
         body = start.stiffened(combined(start.K, there), start.supported or inertia, MultigridForMany())
-        return replace(discrete.problem, model=replace(known, bulk=BulkOnRanks(body)), law_known=True)
+        return discrete.problem.fitted(replace(known, bulk=BulkOnRanks(body)))
 
 
 def discretize_on_ranks(

@@ -18,7 +18,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.errors import FileError
 from hemivar.evolution.history import Frame
-from hemivar.files.record import plain, prepared, result_record
+from hemivar.files.record import laid_out, plain, prepared, result_record
 from hemivar.files.series import Series
 from hemivar.files.snapshot import Snapshot, snapshot
 from hemivar.files.vtu import (
@@ -64,8 +64,7 @@ def write_json_on_ranks(
     ranks.agree(lambda: None if ranks.rank else prepared(path, ".json"))
     with one_writer(ranks, path) as target:
         if target.open:
-            head = json.dumps(record, indent=1, allow_nan=False)
-            target.write(f'{head[:-2]},\n "displacement": [')
+            target.write(f'{laid_out(record)[:-2]},\n "displacement": [')
         for start in range(0, body.piece.total, _NODES_AT_A_TIME):
             part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
             told, _, _ = ranks.exchange(

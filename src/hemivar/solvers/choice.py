@@ -12,10 +12,11 @@ from hemivar.solvers.base import Solver
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton
 
-__all__ = ["affordable", "choose", "predicted_seconds"]
+__all__ = ["affordable", "choose", "predicted_seconds", "repaid"]
 
-#: Seconds that :class:`NonsmoothNewton` may take before multigrid is considered, for convex laws and for others.
-_PATIENCE = (0.6, 6.0)
+#: Seconds that :class:`NonsmoothNewton` may take before multigrid is considered: where what it sets up serves many
+#: loads, and for laws that are not convex.
+_SERVES, _PATIENCE = 0.6, 6.0
 #: Seconds that it may take where another method has failed.
 _AFFORDABLE = 60.0
 #: Part of the free memory that a factorisation may take.
@@ -31,10 +32,10 @@ def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
     magnitude matter.  Where no coarser mesh is known, multigrid sets up algebraic levels and takes more steps.
     """
     n, dense = float(problem.unknowns), 5e-10 * float(problem.contact.trace.nnz) ** 3
-    known = has_coarser(problem)
+    unknown = not has_coarser(problem)
     if _dimension(problem) == 3:
-        return 9e-9 * n**2 + dense, 0.06 + (4e-6 if known else 3e-5) * n
-    return 7.5e-7 * n * math.log2(max(n, 2.0)) + dense, 0.04 + (1.7e-6 if known else 7.5e-6) * n
+        return 0.005 + 7e-9 * n**2 + dense, 0.012 + 4e-4 * math.sqrt(n) + (1.5e-6 + 8e-6 * unknown) * n
+    return 0.005 + 3.9e-7 * n**1.277 + dense, 0.012 + 2.5e-4 * math.sqrt(n) + (9e-7 + 3.6e-6 * unknown) * n
 
 
 def _dimension(problem: DiscreteProblem) -> int:
@@ -56,18 +57,22 @@ def affordable(problem: DiscreteProblem) -> bool:
     return predicted_seconds(problem)[0] <= _AFFORDABLE and _shortage(problem) is None
 
 
-def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
+def repaid(problem: DiscreteProblem, solves: int) -> bool:
+    """Whether :class:`NonsmoothNewton` would have set itself up in the time that multigrid took for so many solves."""
+    newton, multigrid = predicted_seconds(problem)
+    return solves * multigrid >= newton and affordable(problem) and selects(problem.contact.trace)
+
+
+def choose(problem: DiscreteProblem, many: bool = False) -> tuple[Solver, str]:
     """The method with its standard options, and why, in words, under the names of ``hemivar.solvers.METHODS``.
 
-    :class:`NonsmoothNewton` where it takes no longer than a moment, or than multigrid, and has the memory it needs;
-    for laws that are not convex it is preferred a while longer, for it looks further for a lower energy.
+    :class:`NonsmoothNewton` where it takes no longer than multigrid, and has the memory it needs.  Where ``many`` loads
+    follow it may take a moment, for what it sets up serves all of them; for laws that are not convex it is preferred a
+    while longer, for it looks further for a lower energy.
     """
     newton, multigrid = predicted_seconds(problem)
     short = _shortage(problem)
-    convex = True
-    if problem.contact_points:
-        rest = -problem.offset
-        convex = all(bool((alpha == 0.0).all()) for alpha in problem.law.frozen_at(rest).weak_convexity)
+    softens = problem.contact_points > 0 and problem.law.softens
     direct, levels = NonsmoothNewton.name, NonsmoothMultigrid.name
     size = f"{problem.unknowns} unknowns"
     costs = f"predicted: {direct} {newton:.2g} s, {levels} {multigrid:.2g} s"
@@ -75,6 +80,6 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
         return NonsmoothNewton(), f"{direct} for {size}, for contact points share displacements"
     if short is not None:
         return NonsmoothMultigrid(), f"{levels} for {size}: {short}"
-    if newton <= max(multigrid, _PATIENCE[0] if convex else _PATIENCE[1]):
+    if newton <= max(multigrid, _PATIENCE if softens else _SERVES if many else 0.0):
         return NonsmoothNewton(), f"{direct} for {size}; {costs}"
     return NonsmoothMultigrid(), f"{levels} for {size}; {costs}"

@@ -17,6 +17,7 @@ from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
+from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.contact_moves import Search
 
 __all__ = ["LOWER", "best_of", "others", "took_over"]
@@ -75,10 +76,14 @@ def _careful(solver: Solver, problem: DiscreteProblem) -> Solver | None:
 
 
 def _across(solver: Solver, problem: DiscreteProblem) -> Solver | None:
-    """The method, which crosses barriers of an energy that has a lower bound: there it cannot run away."""
-    if not isinstance(solver, NonsmoothNewton | NonsmoothMultigrid) or solver.search is not Search.DOWNHILL:
-        return None
-    return replace(solver, search=Search.GLOBAL) if problem.limit is None else None
+    """The method, which crosses barriers of the energy: what a walk downhill has lost may lie beyond one."""
+    match solver:
+        case TruncatedNewton():
+            return replace(solver, search=Search.GLOBAL)
+        case FixedPoint() | ProximalNewton():
+            inner = _across(solver.inner, problem)
+            return None if inner is None else replace(solver, inner=inner)
+    return None
 
 
 def _stepped(solver: Solver, problem: DiscreteProblem) -> Solver | None:

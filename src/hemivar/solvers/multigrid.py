@@ -10,6 +10,7 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.line_search import SearchLine
@@ -31,6 +32,8 @@ __all__ = ["NonsmoothMultigrid", "nested_guess"]
 _NESTED, _NESTED_STEPS = 1e-3, 15
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
+#: Ends of a coarser body that lead nowhere.
+_LOST = (Status.UNBOUNDED, Status.NONFINITE)
 #: How often Newton's equation is solved on the pieces of the laws: once more for what rounding leaves.
 _CORRECTED = 2
 
@@ -162,28 +165,52 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
     """The solution on the next coarser mesh, which starts from the one below it, and so on; and a status where the
     search for it was stopped.
 
+    Where some nodes stand for a coarser mesh, laws whose force falls do without it: what it finds may choose the
+    branch.  A level on which contact does not hold the body, or whose solution has more energy here than rest, is
+    passed over.
+
     ``rough, direct``: what solves on coarser meshes: on levels, and on a body that is small enough to be condensed,
     where it ends.
     """
-    below = system.posed_below()
-    if below is None:
-        return system.start(_lifted(system)), None
+    convex = not _bent(system)
+    shift = system.carried if convex else None
+    posed = system if shift is None else system.beyond(shift)
+    below = None if system.thins and not convex else posed.posed_below()
+    x, stopped = None, None
+    try:
+        if below is not None:
+            x, stopped = _solution_below(rough, direct, below, budget)
+    except ProblemError:
+        if not system.thins:
+            raise
+    if x is not None:
+        x = posed.from_below(x) if shift is None else shift + posed.from_below(x)
+    elif convex:
+        x = system.untouched()
+    start = system.start(x)
+    if x is None or not convex or system.law.state_dependent or not (system.thins or below is None):
+        return start, stopped
+    rest = system.start()
+    return (start if system.energy(start) <= system.energy(rest) else rest), stopped
+
+
+def _solution_below(rough: Solver, direct: Solver, below: Body, budget: Budget) -> tuple[Array | None, Status | None]:
+    """All unknowns of a coarser body, None where it is lost, and a status where the search for them was stopped."""
     controls, small = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS), below.condensed()
     if small is not None:
-        x, stopped = _solved(direct, small, controls, budget)
-        return system.start(system.from_below(x)), stopped
+        return _solved(direct, small, controls, budget)
     x, stopped = nested_guess(rough, direct, below, budget)
-    if stopped is None:
-        found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
-        rough.release(found)
-        x, stopped = found.r, status if status in STOPPED else None
-    return system.start(system.from_below(x)), stopped
+    if stopped is not None:
+        return x, stopped
+    found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
+    rough.release(found)
+    return None if status in _LOST else found.r, status if status in STOPPED else None
 
 
 def _solved(
     direct: Solver, system: CondensedProblem, controls: Controls, budget: Budget
-) -> tuple[Array, Status | None]:
-    """All unknowns of a small body, and a status where the search for them was stopped."""
+) -> tuple[Array | None, Status | None]:
+    """The same of a small body."""
     r = system.start()
     lam = system.multiplier(r)
     if small_and_convex(system):
@@ -192,12 +219,13 @@ def _solved(
             return quick.unknowns, None
     found, status, _ = iterate(direct, system, State(r, lam), controls, budget)
     direct.release(found)
-    return system.unknowns(found.r), status if status in STOPPED else None
+    return None if status in _LOST else system.unknowns(found.r), status if status in STOPPED else None
 
 
-def _lifted(system: Body) -> Array | None:
-    """The body without contact, where the solution does not depend on where a method starts: from rest points lift a
-    few at a time, and are put back all at once."""
+def _bent(system: Body) -> bool:
+    """Whether the force of a law falls somewhere: a start may choose which solution is found.
+
+    From rest points lift a few at a time, and are put back all at once: where it does not matter, a body starts without
+    its contact."""
     law = system.law.frozen_at(system.local(np.zeros(system.load.shape)))
-    bent = any((alpha != 0.0).any() for alpha in law.weak_convexity)
-    return None if system.vectors.largest(float(bent))[0] else system.untouched()
+    return bool(system.vectors.largest(float(any((alpha != 0.0).any() for alpha in law.weak_convexity)))[0])

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -47,6 +48,7 @@ __all__ = [
     "ForceResidual",
     "GraphEquation",
     "GraphPoint",
+    "KnownRounds",
     "NewtonCache",
     "active_set_newton",
     "small_and_convex",
@@ -175,18 +177,35 @@ class NewtonCache:
         known = self._known
         if known is None or known[0] is not chart or known[1] is not system.matrix:
             body, found = system.body, None
-            if body.everywhere and system.shape[1] < 3 and isinstance(chart, ContactChart) and chart.slip is None:
-                found = compiled_rounds(chart.tables, system.matrix, system.weights, body.resilience)
+            tables = chart.in_one if isinstance(chart, ContactChart) else None
+            if body.everywhere and system.shape[1] < 3 and tables is not None:
+                found = compiled_rounds(tables[0], system.matrix, system.weights, body.resilience, tables[1])
             known = self._known = chart, system.matrix, found
         return known[2]
 
 
+class KnownRounds:
+    """What solves of one body on one foundation keep of their rounds, each :class:`NewtonCache` lent to one thread."""
+
+    def __init__(self) -> None:
+        self._free: list[NewtonCache] = []
+
+    @contextmanager
+    def lent(self) -> Iterator[NewtonCache]:
+        """One that nobody else has."""
+        try:
+            cache = self._free.pop()
+        except IndexError:
+            cache = NewtonCache()
+        yield cache
+        self._free.append(cache)
+
+
 def small_and_convex(system: CondensedProblem) -> bool:
     """Whether a few rounds cost a fifth of the steps of another method, and find the one solution."""
-    law = system.law
-    if law.state_dependent or not 0 < system.free.size <= _SMALL:
+    if not 0 < system.free.size <= _SMALL:
         return False
-    return not any(alpha.any() for alpha in law.weak_convexity)
+    return not system.law.softens
 
 
 def active_set_newton(
@@ -327,6 +346,8 @@ def _load_scale(system: CondensedProblem, chart: Chart, load: float, contact_for
     """
     if contact_force <= load:
         return LoadScale(load, math.inf)
+    if "load_scale" in vars(system):
+        return system.load_scale
     offset, ends = system.problem.offset, chart.law.penetrations
     inside = -offset
     inside[:, 0] = np.minimum(np.maximum(inside[:, 0], ends.lower), ends.upper)

@@ -42,6 +42,10 @@ _HIDDEN = 1e-6
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
 _FIRST, _SETTLED = 0.1, 1e-3
+#: What may be left of |F| where it was solved to that, F being straight.
+_STRAIGHT = 2.0 * _SETTLED
+#: Part of the tolerance to which it is solved at the least, and the tightest one, relative to the load.
+_AIM, _TIGHTEST = 0.1, 1e-13
 #: Part of the energy norm up to which states are the same.
 _SAME = 1e-6
 #: Rounds, and the part of |F| that has to be gone after as many: else another way is thought better.
@@ -73,11 +77,20 @@ class SemismoothNewton(Solver):
         Newton's equations that are solved before another way is thought better.
     halvings : int
         How often a step may be halved.
+    tolerance : float, optional
+        Where minimal residuals end on all unknowns, relative to the load; a tenth of ``Controls.rtol`` by default.
+    absolute : float
+        What they may leave in addition, in units of force.
+    settled : bool
+        The pieces of the laws on which the initial guess lies are those that are expected in the end.
     """
 
     fallback: FixedPoint = field(default_factory=FixedPoint)
     rounds: int = 30
     halvings: int = 12
+    tolerance: float | None = None
+    absolute: float = 0.0
+    settled: bool = False
 
     def __post_init__(self) -> None:
         expect(self.fallback, FixedPoint, "SemismoothNewton.fallback", "pass FixedPoint(NonsmoothNewton())")
@@ -124,7 +137,8 @@ class SemismoothNewton(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         fallback = self.fallback.for_tolerance(rtol)
         assert isinstance(fallback, FixedPoint)
-        return replace(self, fallback=fallback)
+        own = max(_AIM * rtol, _TIGHTEST) if self.tolerance is None else self.tolerance
+        return replace(self, fallback=fallback, tolerance=own)
 
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.fallback.prepare(problem, workspace)
@@ -147,14 +161,16 @@ class SemismoothNewton(Solver):
         point = None if search is None else search.at(start.r)
         if search is None or point is None:
             return self._fixed(system, start, start, budget)
-        way = _Way(start, search, point)
+        way = _Way(start, search, replace(point, same=self.settled))
         return self._at(system, point, way, State(start.r, start.lam, 1))
 
     @property
     def _accuracy(self) -> Accuracy:
-        """How accurately the fixed point solves; rounds are as accurate as they must be for |F| to fall fast."""
+        """How accurately Newton's equation is solved in the end; before, as |F| must be to fall fast."""
         inner = self.fallback.inner
-        return inner.accuracy if isinstance(inner, TruncatedNewton) else Accuracy(0.0, 0.0, 1)
+        if self.condenses or not isinstance(inner, TruncatedNewton):
+            return Accuracy(0.0, 0.0, 1)
+        return replace(inner.accuracy, tolerance=self.tolerance or _TIGHTEST, absolute=self.absolute)
 
     def _at(self, system: ContactSystem, point: _Place, way: _Way, state: State) -> State:
         """The state at a point."""
@@ -293,6 +309,7 @@ class _Place(GraphPoint):
     off: float = np.inf  # |F|, as a force
     same: bool = False  # whether the components that move are those of the point before
     cycles: int = 0  # what it cost to come there from the point before
+    straight: bool = False  # whether F has fallen on the way as if it were straight: what is left is solved to the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,7 +355,7 @@ class _Search:
 
     def lower(self, place: _Place, halvings: int, budget: Budget) -> _Place | None:
         """The place after a step that lowers |F|; None where there is none."""
-        enough = (_SETTLED if place.same else _FIRST) * place.off
+        enough = 0.0 if place.straight else (_SETTLED if place.same else _FIRST) * place.off
         accuracy = replace(self.accuracy, absolute=self.accuracy.absolute + enough, due=budget.due)
         found = self.equation.step(place, accuracy)
         budget.check()
@@ -349,7 +366,7 @@ class _Search:
             x = first + length * (end - first) if halved else end
             new = self.at(x, place, cycles, None if halved else self.equation.system.refreshed(x, force))
             if new is not None and new.off < (1.0 - _FALLS * length) * place.off and self.tells(new):
-                return new
+                return replace(new, straight=new.same and new.off <= _STRAIGHT * place.off)
             length *= 0.5
         return None
 

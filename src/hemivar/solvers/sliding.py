@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.discrete.held_at_rest import BY_FRICTION
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.discrete.rigid_modes import admitted
@@ -71,7 +70,7 @@ class _Slide:
         here, *beyond = (self._off(problem, law, r + part * there, lam) for part in (0.0, *_ON))
         noise = solution.residual.noise
         # Forces within the cones balance the load: what is in balance to rounding is an equilibrium.
-        exact = BY_FRICTION in problem.warnings and here <= noise and self.far <= 1.0
+        exact = problem.balanced_by_friction and here <= noise and self.far <= 1.0
         return exact or max(beyond) > max(_TOLD * here, noise)
 
     def _off(self, problem: DiscreteProblem, law: VectorLaw, r: Array, lam: Array) -> float:

@@ -76,8 +76,8 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     kind : PointKind or None
         What kind of stationary point it is, where it was determined.
     fallbacks : int
-        How often :class:`hemivar.solvers.SemismoothNewton` replaced its full step by a fallback (a bound that is
-        raised in parts, a damped step); 0 for other methods.
+        Steps that were not full Newton steps, in the method :class:`hemivar.solvers.SemismoothNewton`: it damped them,
+        or froze the friction bound. 0 for other methods; a large number beside ``steps`` tells of a hard problem.
     carried : (float, float) or None
         Where the foundation does not carry the load: the part of it up to which equilibria were found while it grew
         from zero, and the next part, at which none was found.

@@ -6,6 +6,8 @@ import logging
 import time
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import count
 
 import numpy as np
 import scipy.linalg as la
@@ -24,7 +26,7 @@ from hemivar.fem.posed import Posable, posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import PosedSystem, Solver, State
-from hemivar.solvers.choice import choose
+from hemivar.solvers.choice import choose, repaid
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.handing_on import LOWER, best_of, others, took_over
@@ -33,7 +35,7 @@ from hemivar.solvers.loop import finish, steps
 from hemivar.solvers.methods import as_method
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton, Search
-from hemivar.solvers.newton_on_graph import FEW_ROUNDS, NewtonCache, active_set_newton, small_and_convex
+from hemivar.solvers.newton_on_graph import FEW_ROUNDS, KnownRounds, active_set_newton, small_and_convex
 from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.sliding import told_of_slides
@@ -181,11 +183,15 @@ def solving(
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
     """The method where none was asked for; where a force can fall, downhill from rest, as a load that grows goes.
 
-    ``workspace``: one that condenses the problem already makes a condensing method cheap.
+    ``workspace``: one that condenses the problem already makes a condensing method cheap; one of many solves by
+    multigrid gets one as soon as it costs no more than these did.
     """
-    chosen, reason = choose(problem)
-    if workspace.condenses(problem) and not isinstance(chosen, NonsmoothNewton):
-        chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
+    chosen, reason = workspace.under_any_load("default method", problem, lambda: choose(problem))
+    if not isinstance(chosen, NonsmoothNewton):
+        solves = next(workspace.once("solves by default", problem.model, count))
+        if workspace.condenses(problem) or repaid(problem, solves):
+            kept = "condensed already" if workspace.condenses(problem) else f"after {solves} solves by multigrid"
+            chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, {kept}"
     logging.getLogger("hemivar").info("%s", reason)
     solver = _for_body(suited(chosen, problem), problem)
     if problem.limit is None and not _falls(problem):
@@ -273,11 +279,14 @@ def _run(
         system: PosedSystem = solver.prepare(problem, workspace)
         _check_held(system)
         if isinstance(system, CondensedProblem):
-            _check_coercive(system)
+            workspace.under_any_load("held far away", problem, partial(_check_coercive, system))
         began = time.perf_counter()
         budget = Budget(controls.max_time)
         start = _start(system, solver, initial, budget)
-        short = _short(system, solver, start, controls, budget) if isinstance(system, CondensedProblem) else None
+        short = None
+        if isinstance(system, CondensedProblem):
+            known = workspace.under_any_load("rounds", problem, KnownRounds)
+            short = _short(system, solver, start, controls, budget, known)
         if short is None and isinstance(system, CondensedProblem) and _hidden(system, solver, start, controls):
             system = system.displaced
             start = _start(system, solver, initial, budget)
@@ -309,7 +318,7 @@ def _run(
 
 
 def _short(
-    system: CondensedProblem, solver: Solver, start: State, controls: Controls, budget: Budget
+    system: CondensedProblem, solver: Solver, start: State, controls: Controls, budget: Budget, known: KnownRounds
 ) -> Solution | None:
     """The solution where no iteration of the method is needed for it; None where it is."""
     if start.ended is not None:
@@ -319,7 +328,7 @@ def _short(
         return _apart(system, solver, first, controls, budget)
     if first.below(controls.atol, controls.rtol) or budget.due():
         return None
-    return _by_active_sets(system, solver, start, first, controls)
+    return _by_active_sets(system, solver, start, first, controls, known)
 
 
 def _hidden(system: CondensedProblem, solver: Solver, start: State, controls: Controls) -> bool:
@@ -331,16 +340,18 @@ def _hidden(system: CondensedProblem, solver: Solver, start: State, controls: Co
 
 
 def _by_active_sets(
-    system: CondensedProblem, solver: Solver, start: State, first: Residual, controls: Controls
+    system: CondensedProblem, solver: Solver, start: State, first: Residual, controls: Controls, known: KnownRounds
 ) -> Solution | None:
     """What a few rounds of the primal-dual active set method find for a small body on a convex foundation.
 
     They cost a fifth of the steps of :class:`NonsmoothNewton`.  Who counts, watches or changes those gets them.
     """
     watched = controls.callback is not None or controls.max_steps is not None
-    if solver != NonsmoothNewton() or watched or not small_and_convex(system):
+    usual = suited(NonsmoothNewton(), system.problem).for_tolerance(controls.rtol)
+    if solver != usual or watched or not small_and_convex(system):
         return None
-    found = active_set_newton(system, start.r, start.lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
+    with known.lent() as cache:
+        found = active_set_newton(system, start.r, start.lam, controls, cache, rounds=FEW_ROUNDS)
     if found is None:
         return None
     seconds = found.timings["iterate"]

@@ -8,21 +8,24 @@ __all__ = ["STOPPED", "Status", "check_interrupt"]
 
 
 class Status(Enum):
-    """End state of a solve; the value is its name in files and tables, ``remedy`` says what to try.
+    """How a solve ended; ``remedy`` says what to try, the value is the name in files and tables.
 
-    ``CONVERGED``: the residual is below the tolerance.  ``INACCURATE``: the method's own rule stopped it above the
-    tolerance.  ``MAX_STEPS``, ``MAX_TIME``: a limit was reached.  ``STALLED``, ``CYCLING``, ``NONFINITE``,
-    ``NOT_CONTRACTING``: the method failed; take another one.  ``UNBOUNDED``: the energy has no lower bound.
-    ``NOT_CARRIED``: no equilibrium was found from the unloaded state; lower the load.  ``INTERRUPTED``,
-    ``OUT_OF_MEMORY``: the best iterate so far is returned.
-
-    Examples
-    --------
     >>> import hemivar as hv
-    >>> hv.solve(hv.gallery.survey("5.1", 8), max_steps=1, method="direct-lbfgs").status
-    <Status.MAX_STEPS: 'max_steps'>
-    >>> hv.Status.CONVERGED.value
-    'converged'
+    >>> status = hv.solve(hv.gallery.survey("5.1", 8), max_steps=1, method="direct-lbfgs").status
+    >>> status, status.value
+    (<Status.MAX_STEPS: 'max_steps'>, 'max_steps')
+    >>> status.remedy
+    'the step limit was reached; raise Controls.max_steps or start from a nearby solution'
+
+    * ``CONVERGED``: the residual is below the tolerance.
+    * ``INACCURATE``: the method's own rule stopped it above the tolerance; tighten its options, or take newton.
+    * ``MAX_STEPS``, ``MAX_TIME``: a limit was reached; raise it.
+    * ``STALLED``, ``CYCLING``, ``NONFINITE``: the method failed; take another one.
+    * ``NOT_CONTRACTING``: a friction bound reacts too strongly to the solution; take a smaller relaxation.
+    * ``UNBOUNDED``: the energy has no lower bound; lower the load, or add a support.
+    * ``NOT_CARRIED``: no equilibrium was found from the unloaded state; apply a part of the load.
+    * ``AT_LIMIT``: the load is at the limit of friction; lower it, or add a support.
+    * ``INTERRUPTED``, ``OUT_OF_MEMORY``: the best iterate so far is returned.
     """
 
     CONVERGED = "converged"

@@ -197,12 +197,7 @@ class Bench:
         """The discrete problem, on the body that is kept if it is the same one."""
         fresh = discretize(stated.file.problem)
         if self._kept is not None and _same_body(self._kept, fresh, stated.body):
-            known = self._kept.problem.with_(
-                load=fresh.load, offset=fresh.offset, law=fresh.law, constant=fresh.constant
-            )
-            if fresh.shown is not None:
-                known = known.known_to_be_held(fresh.limit, fresh.idle)
-            fresh = replace(known, warnings=fresh.warnings)
+            fresh = fresh.on_the_same(self._kept.problem.model)
         self._kept = _Kept(fresh, stated.body)
         return fresh
 

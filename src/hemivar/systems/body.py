@@ -72,6 +72,8 @@ class Body(OfUnknowns, ABC):
     compliance: Array  # (m, 2): displacement for a unit pressure at a point when all else is held
     seconds: float = 0.0  # spent on setting up
     below: Self | None = None  # the same on the next coarser mesh, where a problem is posed there
+    # whether what lies below is the body on some of its nodes, there being no coarser mesh
+    thins: bool = False
 
     # ---- what an engine supplies -------------------------------------------------------------------------
 
@@ -85,6 +87,15 @@ class Body(OfUnknowns, ABC):
     def untouched(self) -> Array | None:
         """About the unknowns (n,) of the body under its load alone, without contact; None where that is not cheap."""
         return None
+
+    @property
+    def carried(self) -> Array | None:
+        """Unknowns (n,) of prescribed displacements carried into the body as a coarser one does; None for none."""
+        return None
+
+    def beyond(self, x: Array) -> Self:
+        """The same problem for what is added to unknowns (n,)."""
+        raise NotImplementedError
 
     def condensed(self) -> CondensedProblem | None:
         """The same problem condensed onto its contact points, where that costs less than steps on levels."""

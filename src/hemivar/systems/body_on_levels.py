@@ -22,6 +22,7 @@ from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
 from hemivar.fem.hierarchy import Coarser, coarser
 from hemivar.fem.near_kernel import near_kernel, node_slots
+from hemivar.fem.node_coarsening import NodeGraph, coarser_by_nodes
 from hemivar.laws import VectorLaw
 from hemivar.linear.definite import (
     below_zero,
@@ -50,8 +51,8 @@ __all__ = ["BodyProblem", "ElasticMultigrid", "levels_of", "set_up"]
 _ROUGH, _QUICK = 1e-2, 15
 #: Part of the unknowns that a coarser mesh may have where it is the mesh itself of one of the bodies.
 _MOST = 0.4
-#: Unknowns up to which a coarse body is condensed.
-_FEW = 2500
+#: Unknowns up to which a coarse body is condensed: one on a mesh of its own, and one of some of the nodes.
+_FEW, _FEW_NODES = 2500, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,10 +191,17 @@ class BodyProblem(Body):
     floats: bool  # whether nothing but contact may hold the body, or a part of it
     # the body on the coarser meshes, from coarse to fine, for whoever asks for the problem there
     meshes: tuple[BodyProblem, ...] = ()
+    graph: NodeGraph | None = None  # the nodes that were left where some were left out
 
     @staticmethod
-    def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int, small: Workspace) -> BodyProblem:
-        """The body of a problem, no problem being posed below."""
+    def of(
+        problem: DiscreteProblem,
+        hierarchy: ElasticMultigrid,
+        top: int,
+        small: Workspace,
+        graph: NodeGraph | None = None,
+    ) -> BodyProblem:
+        """The body of a problem, no problem being posed below but by leaving out nodes."""
         unknown, sign, active, _ = contact_unknowns(problem.contact)
         levels, times = hierarchy.levels, partial(hierarchy.levels.multiply, top)
         coupling, own = levels.levels[top].coupling, levels.own[top]
@@ -216,6 +224,8 @@ class BodyProblem(Body):
             top=top,
             small=small,
             floats=free is None or free.shape[1] > 0,
+            thins=top == hierarchy.first,
+            graph=graph,
         )
 
     @property
@@ -235,14 +245,39 @@ class BodyProblem(Body):
         return KrylovNewton.of(self, known)
 
     def posed_below(self) -> BodyProblem | None:
-        if not self.meshes:
+        began = time.perf_counter()
+        if self.meshes:
+            step = self._step
+            return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], began)
+        below = self._thinned
+        return None if below is None else below[1].posed(below[0].posed(self.problem), (), began)
+
+    @property
+    def _step(self) -> Coarser:
+        """What leads from the next coarser body to this one."""
+        below = None if self.meshes else self._thinned
+        return self.hierarchy.steps[self.top - self.hierarchy.first - 1] if below is None else below[0]
+
+    @property
+    def _thinned(self) -> tuple[Coarser, BodyProblem] | None:
+        """The body on some of its nodes, and what leads from there."""
+        if not self.thins or self.problem.unknowns <= _FEW_NODES:
             return None
-        step = self.hierarchy.steps[self.top - self.hierarchy.first - 1]
-        return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], time.perf_counter())
+        return self.small.once("thinned", self.problem.model, self._thin)
+
+    def _thin(self) -> tuple[Coarser, BodyProblem] | None:
+        graph = NodeGraph.of(self.problem) if self.graph is None else self.graph
+        found = None if graph is None else coarser_by_nodes(self.problem, graph)
+        if found is None:
+            return None
+        step, left = found
+        hierarchy = ElasticMultigrid.of(step.problem)
+        return step, BodyProblem.of(step.problem, hierarchy, hierarchy.first, self.small, left)
 
     def condensed(self) -> CondensedProblem | None:
         # the half sweeps that serve many loads cost one load nothing
-        return self.small.condensed(self.problem, many=True) if self.problem.unknowns <= _FEW else None
+        few = _FEW if self.graph is None else _FEW_NODES
+        return self.small.condensed(self.problem, many=True) if self.problem.unknowns <= few else None
 
     def start(self, guess: Array | None = None) -> Array:
         """The point of :class:`Body`, in rough balance but for its contact points where nothing else holds the body.
@@ -274,8 +309,19 @@ class BodyProblem(Body):
         )
         return found.solution if float(np.linalg.norm(found.residual)) <= enough else None
 
+    @property
+    def carried(self) -> Array | None:
+        below = None if self.meshes else self._thinned
+        return None if below is None else below[0].shift
+
+    def beyond(self, x: Array) -> BodyProblem:
+        problem = self.problem
+        offset = np.where(self.active, problem.offset - problem.contact.trace_of(x), problem.offset)
+        there = problem.under(self.out_of_balance(x), offset=offset)
+        return self.posed(there, self.meshes, time.perf_counter())
+
     def from_below(self, x: Array) -> Array:
-        return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
+        return self._step.interpolate(x)
 
     def with_law(self, law: VectorLaw) -> BodyProblem:
         return self.for_problem(self.problem.with_(law=law))
@@ -284,7 +330,7 @@ class BodyProblem(Body):
         """The same body under another load, gap or law."""
         if (problem.unknowns, problem.contact.count) != (self.problem.unknowns, self.problem.contact.count):
             raise ProblemError("the other problem is of another size; set it up separately")
-        return self.posed(problem, (), time.perf_counter())
+        return replace(self.posed(problem, (), time.perf_counter()), thins=False)
 
     def posed(self, problem: DiscreteProblem, meshes: tuple[BodyProblem, ...], began: float) -> BodyProblem:
         """The same body under the load, the gap and the law of a problem; what only the body decides stays."""

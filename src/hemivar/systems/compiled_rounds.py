@@ -38,14 +38,25 @@ class CompiledRounds:
 
     ``law``: straight on its pieces; ``matrix (m d, m d)``: stiffness between the local components, all of which are
     free to move; symmetric; ``weights (m,)``; ``compliance (m, d)``: by which displacements are held against
-    multipliers. Raises ValueError: an array is not what it should be.
+    multipliers; ``coefficient (m,)``, if any: multiples of the pressure that bound friction, whose tables are those of
+    the bound 1. Raises ValueError: an array is not what it should be.
     """
 
-    def __init__(self, kernels: Kernels, law: GraphTables, matrix: Array, weights: Array, compliance: Array) -> None:
+    def __init__(
+        self,
+        kernels: Kernels,
+        law: GraphTables,
+        matrix: Array,
+        weights: Array,
+        compliance: Array,
+        coefficient: Array | None = None,
+    ) -> None:
         self.shape, self._call = law.shape, kernels.call
         n, states, kinks = law.stiffness.size, len(law.anchor), len(law.knots)
         if law.curved:
             raise ValueError("the law must be straight on its pieces")
+        if coefficient is not None and law.shape[1] != 2:
+            raise ValueError("the law must have two components where friction follows the pressure")
         if states != 2 * kinks + 1 or law.shape[0] * law.shape[1] != n or weights.shape != law.shape[:1]:
             raise ValueError(f"tables of {states} states and {n} components do not belong to {law.shape} components")
         # What the kernels point to is held here.
@@ -59,8 +70,11 @@ class CompiledRounds:
             _table(np.repeat(weights, law.shape[1]), (n,)),
             _table(compliance.ravel(), (n,)),
         ]
+        if coefficient is not None:
+            self._tables.append(_table(coefficient, (n // 2,)))
         at = kernels.address
-        tables = np.array([at(table) for table in self._tables], dtype=np.uintp)
+        tables = np.zeros(14, dtype=np.uintp)
+        tables[: len(self._tables)] = [at(table) for table in self._tables]
         self._pointer = kernels.made(self._call.hv_active_sets_new(n, states, at(tables)))
         weakref.finalize(self, self._call.hv_active_sets_free, self._pointer)
         # Load, displacement, multiplier, multiplier of the law, numbers that are told.
@@ -105,9 +119,11 @@ def _table(numbers: Array, shape: tuple[int, ...]) -> Array:
     return found
 
 
-def compiled_rounds(law: object, matrix: Array, weights: Array, compliance: Array) -> CompiledRounds | None:
+def compiled_rounds(
+    law: GraphTables, matrix: Array, weights: Array, compliance: Array, coefficient: Array | None
+) -> CompiledRounds | None:
     """What makes rounds in one call; None where the kernels are not there, or not for such a law or body."""
     library = kernels()
-    if library is None or not isinstance(law, GraphTables) or law.curved or not 0 < law.stiffness.size <= _MOST:
+    if library is None or law.curved or not 0 < law.stiffness.size <= _MOST:
         return None
-    return CompiledRounds(library, law, matrix, weights, compliance)
+    return CompiledRounds(library, law, matrix, weights, compliance, coefficient)

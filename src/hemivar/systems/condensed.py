@@ -152,6 +152,8 @@ class CondensedProblem(OfProblem, PickleMixin):
 
     def free_growth(self) -> list[RecessionFunction]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
+        if self.body.free_unknowns is not None and not self.body.free_unknowns.shape[1]:
+            return []
         if self.body.free_unknowns is not None:
             return free_growth(self.problem, self.problem.model.free_motions)
         modes = self.rigid_modes
@@ -287,7 +289,12 @@ class CondensedProblem(OfProblem, PickleMixin):
     @cached_property
     def load_scale(self) -> LoadScale:
         """What residuals are held against."""
-        return load_scale(self.problem, self.body.compliance)
+        problem, (law, offset, rest) = self.problem, self.body.last_rest[0]
+        same = law is problem.law and offset is problem.offset
+        found = load_scale(problem, self.body.compliance, rest if same else None)
+        if not same:
+            self.body.last_rest[0] = problem.law, problem.offset, found.rest
+        return found
 
     # ---- the same body otherwise ---------------------------------------------------------------------------
 

@@ -49,6 +49,8 @@ class SchurComplement:
     rigid_part: RigidPart  # of local displacements
 
     vectors: Vectors = field(default=WHOLE, init=False)
+    # law, offset and rest of the load scale that was asked for last: loads that follow have the same
+    last_rest: list[tuple[object, object, float]] = field(default_factory=lambda: [(None, None, 0.0)], init=False)
 
     @staticmethod
     def of(problem: DiscreteProblem, many: bool = False) -> SchurComplement:

@@ -136,7 +136,7 @@ class NonlinearBody(OfProblem, OfUnknowns):
         return self.problem.contact.trace_of(x) - self.problem.offset
 
     def magnitude(self, x: Array) -> float:
-        moved = np.abs(self.problem.contact.trace) @ np.abs(x)
+        moved = self.problem.contact.sizes @ np.abs(x)
         return float(max(moved.max(initial=0.0), np.abs(self.problem.offset).max(initial=0.0)))
 
     def out_of_balance(self, x: Array) -> Array:

@@ -44,6 +44,7 @@ class Workspace:
         self._lock = Lock()
         self._of_models: OrderedDict[Model, _Shelf] = OrderedDict()
         self._of_contents: OrderedDict[bytes, _Shelf] = OrderedDict()
+        self._of_foundations: OrderedDict[tuple[int, ...], _Shelf] = OrderedDict()
 
     def __repr__(self) -> str:
         with self._lock:
@@ -89,6 +90,27 @@ class Workspace:
             Makes it. Other threads that ask for the same wait.
         """
         shelf = self._shelf(key) if isinstance(key, Model) else self._shelf_of_content(what, key)
+        return self._once(shelf, what, make)
+
+    def under_any_load(self, what: str, problem: DiscreteProblem, make: Callable[[], T]) -> T:
+        """What is known of all problems that differ from this one in their loads alone; made on the first call.
+
+        Parameters
+        ----------
+        what : str
+            The name; it stands for one kind of thing that depends on model, law and offset.
+        problem : DiscreteProblem
+        make : function
+        """
+        parts = problem.model, problem.law, problem.offset
+        with self._lock:
+            shelf = _recent(self._of_foundations, tuple(map(id, parts)), self._bodies)
+        shelf.things.setdefault("", parts)  # while they are held here, none else has their numbers
+        return self._once(shelf, what, make)
+
+    def _once(self, shelf: _Shelf, what: str, make: Callable[[], T]) -> T:
+        if what in shelf.things:
+            return cast(T, shelf.things[what])
         with self._lock:
             lock = shelf.locks.setdefault(what, Lock())
         with lock:
@@ -116,6 +138,7 @@ class Workspace:
         with self._lock:
             self._of_models.clear()
             self._of_contents.clear()
+            self._of_foundations.clear()
 
     def _shelf(self, model: Model) -> _Shelf:
         with self._lock:

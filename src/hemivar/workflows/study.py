@@ -354,6 +354,13 @@ def study(
 ) -> Study:
     """Solve a problem on finer and finer meshes, and measure errors and orders of convergence.
 
+    >>> import hemivar as hv
+    >>> study = hv.study(hv.gallery.survey("5.1", 2), refine=3)
+    >>> [level.solution.problem.unknowns for level in study.levels]
+    [20, 72, 272, 1056]
+    >>> study.reference, round(study.orders["energy"], 1)
+    ('finest mesh', 0.8)
+
     Errors are those against a known solution, or against the solution on the finest mesh.
 
     Parameters
@@ -383,15 +390,6 @@ def study(
     ------
     ProblemError, MethodError, FileError
         An option makes no sense, a solve is refused, or the file is that of another study.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> study = hv.study(hv.gallery.survey("5.1", 2), refine=3)
-    >>> [level.solution.problem.unknowns for level in study.levels]
-    [20, 72, 272, 1056]
-    >>> study.reference, round(study.orders["energy"], 1)
-    ('finest mesh', 0.8)
     """
     given = StudyOptions(
         refine, known, method, Controls() if controls is None else controls, jobs, checkpoint, exact=exact

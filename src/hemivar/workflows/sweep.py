@@ -263,6 +263,14 @@ def sweep(
 ) -> Sweep:
     """Solve a problem for every combination of some values of its parameters: a map of solutions and margins.
 
+    >>> import hemivar as hv
+    >>> sweep = hv.sweep(lambda bound: hv.gallery.survey_logarithmic(bound, n=4), {"bound": [0.5, 1.0]})
+    >>> sweep.margin.round(2)
+    array([0.91, 0.82])
+
+    The margin is positive where a point is shown to have one solution only.  A point that fails keeps its message, and
+    the others are solved.
+
     Parameters
     ----------
     problem : path of a problem file, or function
@@ -287,13 +295,6 @@ def sweep(
     ------
     ProblemError, MethodError
         There are no parameters or too many points, or every point fails.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> sweep = hv.sweep(lambda bound: hv.gallery.survey_logarithmic(bound, n=4), {"bound": [0.5, 1.0]})
-    >>> sweep.margin.round(2)
-    array([0.91, 0.82])
     """
     search = SolutionsOptions(starts, max_solutions, seed, Controls() if controls is None else controls)
     return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes))))

@@ -58,6 +58,11 @@ class StateBound(PickleMixin, ABC):
         return np.zeros(1)
 
     @property
+    def proportional(self) -> bool:
+        """Whether it is that multiple of the pressure, and zero where there is none."""
+        return False
+
+    @property
     def knots(self) -> Array:
         """Penetrations at which the derivative of the bound may jump, shape (m or 1, K); unused entries are +inf."""
         return np.zeros((1, 0))
@@ -132,6 +137,10 @@ class CoulombBound(StateBound):
     @property
     def per_pressure(self) -> Array:
         return self._known
+
+    @property
+    def proportional(self) -> bool:
+        return True
 
     @property
     def lipschitz(self) -> Array:
@@ -463,6 +472,10 @@ class StackedBound(StateBound):
     @property
     def per_pressure(self) -> Array:
         return self._of_parts([part.per_pressure for part in self.parts])
+
+    @property
+    def proportional(self) -> bool:
+        return all(part.proportional for part in self.parts)
 
     def _of_parts(self, values: Sequence[Array]) -> Array:
         out = np.empty(self._count)

@@ -27,7 +27,8 @@ def Tresca(  # noqa: N802 - a law, named as the others are
     bound : number, array, function or StateBound
         Force per area.
     of : "slip" or "rate", optional
-        See :class:`Friction`.
+        What friction acts against in time: the rate of the slip, as by default, or the slip since the start. A problem
+        at rest knows the slip only.
 
     Returns
     -------
@@ -53,7 +54,8 @@ def Coulomb(  # noqa: N802 - a law, named as the others are
     coefficient : number, array or function
         Friction coefficient mu >= 0.
     of : "slip" or "rate", optional
-        See :class:`Friction`.
+        What friction acts against in time: the rate of the slip, as by default, or the slip since the start. A problem
+        at rest knows the slip only.
 
     Returns
     -------
@@ -102,7 +104,8 @@ def SlipWeakening(  # noqa: N802 - a law, named as the others are
     rate : number, array or function
         One over a slip.
     of : "slip" or "rate", optional
-        See :class:`Friction`.
+        Whether it is a law of the slip since the start or of its rate; a problem in time must say it, statics knows the
+        slip only.
 
     Returns
     -------
@@ -131,7 +134,8 @@ def Logarithmic(  # noqa: N802 - a law, named as the others are
     scale : number, array or function
         A slip.
     of : "slip" or "rate", optional
-        See :class:`Friction`.
+        Whether it is a law of the slip since the start or of its rate; a problem in time must say it, statics knows the
+        slip only.
 
     Returns
     -------
@@ -162,7 +166,8 @@ def StaticKinetic(  # noqa: N802
     kinetic : number, array or function
         Part of the bound after it.
     of : "slip" or "rate", optional
-        See :class:`Friction`.
+        Whether it is a law of the slip since the start or of its rate; a problem in time must say it, statics knows the
+        slip only.
 
     Returns
     -------
@@ -193,7 +198,8 @@ def SlipTable(  # noqa: N802
     values : sequence of float
         j_tau' at the slips.
     of : "slip" or "rate", optional
-        See :class:`Friction`.
+        Whether it is a law of the slip since the start or of its rate; a problem in time must say it, statics knows the
+        slip only.
 
     Returns
     -------

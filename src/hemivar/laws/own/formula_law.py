@@ -362,25 +362,29 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
     name: str = "formula",
     where: str = "",
 ) -> Superpotential:
-    """A law by a formula in the variable r: its potential j, or its derivative j', the pressure or the friction.
+    """A law by a formula of r: its potential j(r), or its derivative j'(r), the pressure or the friction.
 
-    ``FormulaLaw("7/10*abs(r) - 3/10*exp(-abs(r))")`` gives the potential,
-    ``FormulaLaw(derivative="piecewise((0, r < 0), (r*exp(-r), True))")`` the pressure over the penetration. A
-    derivative may fall, and jump. Its potential is integrated by Gauss's rule between the turns of its slope; up to a
-    thousand times the reach it is exact but for rounding.
+    >>> import hemivar as hv
+    >>> law = hv.FormulaLaw(derivative="piecewise((0, r < 0), (r*exp(-r), True))", reach=5.0)
+    >>> law.derivative([-1.0, 1.0]).round(4)
+    array([0.    , 0.3679])
+    >>> float(law.weak_convexity[0].round(4))  # exp(-2): where it falls the most
+    0.1353
 
-    Derivatives are symbolic. Kinks are found from abs, min, max and the conditions of piecewise. The turns of the
-    curvature, which separate its pieces, are the zeros of the third derivative: they are isolated by interval
-    arithmetic, whatever the width of the law, within the reach and beyond it where they are few. Alpha and the growth
-    constants are enclosed, or sampled over ``[-reach, reach]`` and some places beyond. The formula may have any value
-    at r = 0; it is shifted to j(0) = 0.
+    * Numbers, ``r``, ``pi``, ``+ - * / ( )`` and powers, ``**`` or ``^``.
+    * ``sin cos tan tanh exp log sqrt abs`` of one argument, ``min`` and ``max`` of two or more.
+    * ``piecewise((value, condition), ..., last)``: the first condition that holds counts, ``last`` everywhere else.
+    * A condition compares: ``r < 0.1``, ``r >= 0``, ``0 <= r < 1``, or ``True``.
+    * A derivative may jump and fall; a potential must be continuous, and is shifted to j(0) = 0.
+
+    Kinks are found, derivatives are symbolic.  Alpha and the growth constants are enclosed, or sampled over
+    ``[-reach, reach]`` and some places beyond.  The potential of a derivative is integrated by Gauss's rule, exactly
+    but for rounding up to a thousand times the reach.
 
     Parameters
     ----------
-    potential : str, optional
-        See :class:`hemivar.formula.formula.ScalarFormula`.
-    derivative : str, optional
-        The derivative in place of the potential.
+    potential, derivative : str
+        One of them.
     kinks : sequence of float
         Further knots.
     reach : float
@@ -401,15 +405,6 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
     ProblemError
         If none or both are given, the text is not a formula (with the character), is not finite somewhere, not
         continuous, or turns too often or within too short a length for its reach.
-
-    Examples
-    --------
-    >>> import hemivar as hv
-    >>> law = hv.FormulaLaw(derivative="piecewise((0, r < 0), (r*exp(-r), True))", reach=5.0)
-    >>> law.derivative([-1.0, 1.0]).round(4)
-    array([0.    , 0.3679])
-    >>> float(law.weak_convexity[0].round(4))  # exp(-2): where it falls the most
-    0.1353
     """
     one_line(name, "the name of a law"), one_line(where, "where")
     places = np.atleast_1d(real_array(kinks, f"kinks of law '{name}'")).ravel()

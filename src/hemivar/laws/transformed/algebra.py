@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import RescaledLaw, moved_ends, row, separated, taken
 from hemivar.laws.stacked import StackedLaw
@@ -49,7 +50,8 @@ def affine(law: Superpotential, theta: Array | float, c: Array | float = 0.0) ->
     """
     check_law(law)
     theta = numbers(theta, f"the factor of the argument of law '{law.name}'", above=0.0)
-    c = numbers(c, f"the shift of the argument of law '{law.name}'")
+    c = numbers(c, f"the shift of the argument of law '{law.name}'", state=True)
+    common_rows(f"law '{law.name}'", law.rows, theta.size, c.size)
     return _affine(law, theta, c)
 
 
@@ -89,7 +91,7 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     Raises
     ------
     ProblemError
-        There is no r that all terms allow.
+        There is no r that all terms allow, or they are given for different numbers of contact points.
     """
     for one in (law, *others):
         check_law(one)
@@ -109,7 +111,7 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     if smooth:
         tables = [one for one in tables if not _idle(one)]
     if tables:
-        rows = max(one.knots.shape[0] for one in tables)
+        rows = max(one.rows for one in tables)
         if rows > 1 and max(one.knots.shape[-1] for one in tables) > MANY:
             smooth, tables = [*tables, *smooth], []
         else:
@@ -128,6 +130,7 @@ def _idle(law: PiecewiseQuadratic) -> bool:
 
 
 def _check_common(terms: Sequence[Superpotential]) -> None:
+    common_rows("a sum of laws", *(term.rows for term in terms))
     lower, upper = _ends(terms)
     if (lower > upper).any():
         names = " and ".join(f"'{term.name}'" for term in terms)
@@ -144,7 +147,7 @@ def _ends(terms: Sequence[Superpotential]) -> tuple[Array, Array]:
 def _joined(laws: Sequence[Superpotential]) -> Array:
     """The knots of all laws that lie in the domain of the sum."""
     lower, upper = _ends(laws)
-    rows = max(lower.size, upper.size, *(law.knots.shape[0] for law in laws))
+    rows = common_rows("a sum of laws", lower.size, upper.size, *(law.rows for law in laws))
     knots = np.concatenate([np.broadcast_to(law.knots, (rows, law.knots.shape[-1])) for law in laws], axis=-1)
     inside = (knots >= lower[:, None]) & (knots <= upper[:, None])
     inside[~inside.any(axis=-1)] = True  # one knot at least, even if the law ends before it
@@ -201,7 +204,8 @@ def slipped(profile: Superpotential, total: Array | float) -> Superpotential:
     -------
     Superpotential
     """
-    known = numbers(total, f"the slip sum of friction law '{profile.name}'", least=0.0)
+    known = numbers(total, f"the slip sum of friction law '{profile.name}'", least=0.0, state=True)
+    common_rows(f"friction law '{profile.name}'", profile.rows, known.size)
     stacked = by_parts(profile, lambda part, index: slipped(part, row(known, index)))
     if stacked is not None:
         return stacked
@@ -238,7 +242,8 @@ def secant(law: Superpotential, opening: Array | float) -> Superpotential:
         A negative opening, or a law that pushes at D.
     """
     check_law(law)
-    known = numbers(opening, f"the largest opening of law '{law.name}'", least=0.0)
+    known = numbers(opening, f"the largest opening of law '{law.name}'", least=0.0, state=True)
+    common_rows(f"law '{law.name}'", law.rows, known.size)
     stacked = by_parts(law, lambda part, index: secant(part, row(known, index)))
     if stacked is not None:
         return stacked
@@ -262,7 +267,7 @@ def secant_stiffness(law: Superpotential, opening: Array) -> Array:
     bound = law.domain
     if (bound.lower > 0.0).any() or (bound.upper < 0.0).any():
         raise ProblemError(f"law '{law.name}' does not allow r = 0, where secant unloading ends; leave the memory out")
-    rows = max(opening.size, law.knots.shape[0])
+    rows = common_rows(f"law '{law.name}'", opening.size, law.rows)
     wide = np.broadcast_to(opening, (rows,))
     after = count_knots(law.knots, -wide[:, None], including=True)[:, 0]
     pull = -law.piece_derivative(after, -wide)
@@ -317,8 +322,7 @@ def pushing(law: Superpotential, damping: Superpotential) -> Superpotential:
             f"law '{law.name}' allows no penetration, so there is nothing to damp; use springs such as Compliance"
         )
     base, total = table_of(law) or law, plus(law, damping)
-    rows = max(base.knots.shape[0], total.knots.shape[0])
-    zero = np.zeros(rows)
+    zero = np.zeros(total.rows)
     passed = count_knots(total.knots, zero[:, None], including=True)[:, 0]
     found = total.local_argmin(zero, zero)
     found = np.where(np.isnan(found), np.inf, np.maximum(found, 0.0))

@@ -10,6 +10,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.normal import Compliance
+from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import row
 from hemivar.laws.superpotential import Superpotential
@@ -40,7 +41,8 @@ def averaged(law: Superpotential, before: Array | float) -> Superpotential:
     ProblemError
         The law is not piecewise quadratic, or ends somewhere.
     """
-    known = numbers(before, f"the penetration from which law '{law.name}' is averaged")
+    known = numbers(before, f"the penetration from which law '{law.name}' is averaged", state=True)
+    common_rows(f"law '{law.name}'", law.rows, known.size)
     stacked = by_parts(law, lambda part, index: averaged(part, row(known, index)))
     if stacked is not None:
         return stacked
@@ -83,7 +85,7 @@ class AveragedLaw(LawOfOne):
     @cached_property
     def _numbers(self) -> tuple[Array, Array, Array, Array, Array, IntArray]:
         """Knots (m, K); a, b, c and the constant of the value (m, K + 1); the knot that is r_n (m,)."""
-        (rows,) = np.broadcast_shapes(self.base.knots.shape[:1], self.before.shape)
+        rows = common_rows(f"law '{self.name}'", self.base.rows, self.before.size)
         start = np.broadcast_to(self.before, (rows,))
         own = np.broadcast_to(self.base.knots, (rows, self.base.knots.shape[-1]))
         knots = merged(np.concatenate([own, start[:, None]], axis=-1))

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arguments import number
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.parameters import common_rows
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed.algebra import plus
-from hemivar.laws.transformed.transformed_law import numbers, pick
+from hemivar.laws.transformed.transformed_law import check_law, numbers, pick
 
 __all__ = ["BondLaw", "bonded"]
 
@@ -57,8 +59,9 @@ def bonded(
     ProblemError
         The bonding field exceeds one.
     """
+    check_law(law)
     what = "of a bond"
-    beta = numbers(field, f"the bonding field {what}", least=0.0)
+    beta = numbers(field, f"the bonding field {what}", least=0.0, state=True)
     if (beta > 1.0).any():
         raise ProblemError(f"the bonding field {what} is {beta.max():g}; it must be at most 1")
     made = BondLaw(
@@ -66,8 +69,12 @@ def bonded(
         numbers(energy, f"the energy {what}", least=0.0),
         numbers(viscosity, f"the viscosity {what}", above=0.0),
         beta,
-        float(numbers(tau, f"the time step {what}", above=0.0)[0]),
+        number(tau, f"the time step {what}", "give a positive number"),
     )
+    if not 0.0 < made.tau < np.inf:
+        raise ProblemError(f"the time step {what} is {made.tau:g}; it must be positive")
+    sizes = (made.stiffness.size, made.energy.size, made.viscosity.size, beta.size)
+    common_rows(f"the bond of law '{law.name}'", law.rows, *sizes)
     return plus(law, made) if ((made.stiffness > 0.0) & (beta > 0.0)).any() else law
 
 

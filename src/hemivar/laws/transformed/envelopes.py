@@ -10,6 +10,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import row
 from hemivar.laws.superpotential import Interval, Superpotential
@@ -52,6 +53,7 @@ def envelope(law: Superpotential, compliance: Array | float) -> Superpotential:
     """
     check_law(law)
     known = numbers(compliance, f"the compliance in series with law '{law.name}'", least=0.0)
+    common_rows(f"law '{law.name}'", law.rows, known.size)
     stacked = by_parts(law, lambda part, index: envelope(part, row(known, index)))
     if stacked is not None:
         return stacked
@@ -97,7 +99,7 @@ class EnvelopeLaw(LawOfOne):
         A piece is the image of piece i of the law, 2 i, or of its knot i, 2 i + 1.
         """
         knots, (left, right) = self.base.knots, self.base.knot_slopes()
-        rows, count = max(self.compliance.size, knots.shape[0]), knots.shape[-1]
+        rows, count = common_rows(f"law '{self.name}'", self.compliance.size, len(knots)), knots.shape[-1]
         knots, left, right = (np.broadcast_to(x, (rows, count)) for x in (knots, left, right))
         c = np.broadcast_to(self.compliance[:, None], (rows, count))
         bound = self.base.domain

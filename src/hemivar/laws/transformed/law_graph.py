@@ -14,6 +14,7 @@ import numpy as np
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
@@ -112,7 +113,7 @@ def spliced(
     regions: Sequence[Region], cuts: Sequence[Array], ends: Interval, name: str, mended: Mended | None = None
 ) -> Superpotential:
     """The law of regions one after the other, which end at ``cuts``, places (m,) that do not decrease."""
-    rows = max(*(len(one.knots) for one in regions), *(cut.size for cut in cuts))
+    rows = common_rows(f"law '{name}'", *(len(one.knots) for one in regions), *(cut.size for cut in cuts))
     cuts = [np.broadcast_to(cut, (rows,))[:, None] for cut in cuts]
     stretches: Iterable[tuple[Array | float, Array | float]] = itertools.pairwise([-np.inf, *cuts, np.inf])
     inner = [

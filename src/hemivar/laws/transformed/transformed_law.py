@@ -75,10 +75,15 @@ def check_law(law: object) -> None:
     expect(law, Superpotential, "the law", "pass a law such as ThresholdCompliance(...) or FormulaLaw(...)")  # type: ignore[type-abstract]
 
 
-def numbers(value: Array | float, what: str, *, above: float = -np.inf, least: float = -np.inf) -> Array:
-    """Finite numbers for each contact point, shape (1,) or (m,), > ``above`` and >= ``least``."""
+def numbers(
+    value: Array | float, what: str, *, above: float = -np.inf, least: float = -np.inf, state: bool = False
+) -> Array:
+    """Finite numbers for each contact point, shape (1,) or (m,), > ``above`` and >= ``least``.
+
+    ``state``: they are a state of the contact points, of which a rank may have none; others are never empty.
+    """
     found = np.atleast_1d(real_array(value, what))
-    if found.ndim != 1 or not (found.size or isinstance(value, np.ndarray)):  # a rank may have no contact points
+    if found.ndim != 1 or not (found.size or state):
         raise ProblemError(f"{what} has shape {found.shape}; give a number, or one for each contact point")
     if not (found > above).all():
         raise ProblemError(
