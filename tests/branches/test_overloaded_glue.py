@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import hemivar as hv
+from hemivar.branches.path import PathEnd
 from hemivar.mesh import Mesh
 from hemivar.solvers import solve
 from tests.samples import slow
@@ -26,5 +27,5 @@ def test_the_way_of_the_remedy_leads_on(glue: str) -> None:
 def test_the_path_of_points_that_break_together_comes_back_to_no_load(glue: str, mesh: Mesh) -> None:
     pull = (*(0.0,) * (mesh.dim - 1), 2.3 * STRENGTH)
     path = hv.follow_path(block(glue, pull, mesh))
-    assert path.ended is hv.branches.PathEnd.LOWER_END
+    assert path.ended is PathEnd.LOWER_END
     assert path.limit_load == pytest.approx(1.0 / 2.3, rel=1e-4)

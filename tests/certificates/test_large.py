@@ -392,8 +392,3 @@ def test_after_a_solve_by_multigrid() -> None:
     assert after.equilibrium == pytest.approx(before.equilibrium, rel=1e-9, abs=0.0)
     assert after.error_bound == pytest.approx(before.error_bound, rel=1e-9, abs=0.0)
     assert after.margin == before.margin
-
-
-def test_the_norm_that_went_says_what_to_take() -> None:
-    with pytest.raises(AttributeError, match=r"MultigridNorm was removed; take EnergyNorm.by_multigrid\(problem\)"):
-        hv.certificates.MultigridNorm  # noqa: B018
