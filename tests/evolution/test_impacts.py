@@ -146,7 +146,7 @@ def test_a_bounce_without_work_makes_nothing() -> None:
 OBSTACLES = (hv.Signorini(), hv.Compliance(24.0))
 
 
-def driven(law: hv.laws.NamedLaw) -> Evolution:
+def driven(law: hv.laws.Superpotential) -> Evolution:
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), (1, 2)),
         material=hv.Material.lame(4.0, 4.0, density=0.5),

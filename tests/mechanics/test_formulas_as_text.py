@@ -107,7 +107,7 @@ def test_a_parameter_states_the_most_that_it_may_be() -> None:
 
     @dataclass(frozen=True)
     class Share(NamedLaw):
-        part: hv.laws.Parameter = field(default=0.5, metadata=parameter("a part", "1", least=0.0, most=1.0))
+        part: object = field(default=0.5, metadata=parameter("a part", "1", least=0.0, most=1.0))
         name = "share"
 
         def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:

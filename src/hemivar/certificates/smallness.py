@@ -87,7 +87,8 @@ class Smallness:
         c_gamma on this mesh; :func:`trace_constants` gives its normal and tangential parts as well.
     survey_condition : bool or None
         The survey's (H_s), ``m_A > (m_alpha + m_L) c_gamma^2``: True with ``trace_bound`` if that is there, False with
-        the trace constant of this mesh; None too if the true c_gamma, which lies between both, decides.
+        the trace constant of this mesh; None too if the true c_gamma, which lies between both, decides, or would need
+        :mod:`hemivar.bounds` where that is not installed.
     survey_margin : float or None
         ``1 - (m_alpha + m_L) c_gamma^2 / m_A``, with ``trace_bound`` if that is there; (H_s) holds if it is positive.
     constant : float
