@@ -11,7 +11,7 @@ import pytest
 import hemivar as hv
 from hemivar.fem.hierarchy import Coarser
 from hemivar.fem.near_kernel import rigid_motions
-from hemivar.fem.node_coarsening import NodeGraph, coarser_by_nodes
+from hemivar.fem.node_coarsening import LevelNodes, coarser_by_nodes
 
 SOFT = hv.Material.lame(4.0, 4.0)
 
@@ -32,7 +32,7 @@ def statement(kind: str) -> hv.ContactProblem:
 @cache
 def step(kind: str) -> Coarser:
     problem = hv.discretize(statement(kind), check_coercivity=False)
-    graph = NodeGraph.of(problem)
+    graph = LevelNodes.of(problem)
     assert graph is not None
     found = coarser_by_nodes(problem, graph)
     assert found is not None
@@ -90,4 +90,4 @@ def test_a_boundary_follows_the_nodes_that_were_left_on_it(kind: str) -> None:
 
 def test_what_has_no_nodes_has_no_coarser_problem() -> None:
     law = hv.laws.ContactLaw(hv.Signorini()).at(None)
-    assert NodeGraph.of(hv.DiscreteProblem.of_arrays([[2.0]], [1.0], [[1.0]], [1.0], [0.2], law)) is None
+    assert LevelNodes.of(hv.DiscreteProblem.of_arrays([[2.0]], [1.0], [[1.0]], [1.0], [0.2], law)) is None

@@ -101,7 +101,8 @@ for turn in range(int(sys.argv[2])):
                 elif what == 1:
                     A = matrices[0].copy()
                     A.indices = maybe(A.indices)
-                    truncation.replace(level, A)
+                    out = maybe(A.indptr), maybe(A.indices), maybe(A.data.copy())
+                    library.add_product(matrices[0], A, out, levels.sizes[0])
                 elif what == 2:
                     truncation.set_root(maybe(np.eye(levels.sizes[0])))
                 elif what == 3:

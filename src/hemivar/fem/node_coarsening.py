@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints, selects
@@ -23,8 +22,9 @@ from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.fem.hierarchy import Coarser
+from hemivar.linear.algebraic import independent_nodes
 
-__all__ = ["NodeGraph", "coarser_by_nodes"]
+__all__ = ["LevelNodes", "coarser_by_nodes"]
 
 #: Nodes that one between them follows at most, in the plane and in space.
 _NEAR = {2: 5, 3: 8}
@@ -38,10 +38,12 @@ _MOST = 0.6
 _LABELS = 62
 #: Weights below this are rounding.
 _ROUNDED = 1e-12
+#: How many bodies may follow one another.
+_CHAIN = 3
 
 
 @dataclass(frozen=True, eq=False)
-class NodeGraph:
+class LevelNodes:
     """Nodes of a level, and which of them are neighbours.
 
     ``node (N,)``: their numbers in the field; ``points (N, d)``; ``near (N, N)``: ones between neighbours; ``label
@@ -57,7 +59,7 @@ class NodeGraph:
     whole: sp.csr_array
 
     @staticmethod
-    def of(problem: DiscreteProblem) -> NodeGraph | None:
+    def of(problem: DiscreteProblem) -> LevelNodes | None:
         """That of the mesh of a problem; None where its unknowns are not values at nodes, or contact points not at
         them."""
         field, contact = problem.field, problem.contact
@@ -74,23 +76,11 @@ class NodeGraph:
         # A node at a corner or an edge has few cells.
         rank = np.bincount(cells.ravel(), minlength=count).astype(float)
         rank[label == 0] += many * count
-        return NodeGraph(np.arange(count), field.nodes, near, label, rank, sp.eye_array(count, format="csr"))
+        return LevelNodes(np.arange(count), field.nodes, near, label, rank, sp.eye_array(count, format="csr"))
 
     def kept(self) -> BoolArray:
         """A maximal independent set of the nodes."""
-        with IMPORTS:
-            from pyamg import amg_core
-
-        order = np.argsort(self.rank, kind="stable")
-        turned = sp.csr_array(self.near[order][:, order])
-        turned.setdiag(0.0)
-        turned.eliminate_zeros()
-        found = np.full(order.size, -1, dtype=np.int32)
-        indptr, indices = turned.indptr.astype(np.int32), turned.indices.astype(np.int32)
-        amg_core.maximal_independent_set_serial(order.size, indptr, indices, -1, 1, 0, found)
-        out = np.zeros(order.size, dtype=bool)
-        out[order] = found == 1
-        return out
+        return independent_nodes(self.near, np.argsort(self.rank, kind="stable"))
 
     def weights(self, kept: BoolArray) -> tuple[BoolArray, sp.csr_array]:
         """How all nodes follow those that are kept, (N, kept); nodes that no other leads are kept besides."""
@@ -122,7 +112,7 @@ class NodeGraph:
         places = np.concatenate([row, same]), number[np.concatenate([column, same])]
         return kept, sp.csr_array((entries, places), shape=(kept.size, same.size))
 
-    def below(self, kept: BoolArray, weights: sp.csr_array) -> NodeGraph:
+    def below(self, kept: BoolArray, weights: sp.csr_array) -> LevelNodes:
         """Those that are kept; neighbours are those to which neighbours are nearest."""
         entries = weights.tocoo()
         order = np.lexsort((entries.data, entries.row))
@@ -131,7 +121,7 @@ class NodeGraph:
         near = sp.csr_array(nearest.T @ self.near @ nearest)
         near.data[:] = 1.0
         whole = sp.csr_array(self.whole @ weights)
-        return NodeGraph(self.node[kept], self.points[kept], near, self.label[kept], self.rank[kept], whole)
+        return LevelNodes(self.node[kept], self.points[kept], near, self.label[kept], self.rank[kept], whole)
 
 
 def _least_squares(way: Array, square: Array, there: BoolArray) -> Array:
@@ -155,7 +145,7 @@ def _least_squares(way: Array, square: Array, there: BoolArray) -> Array:
     return found
 
 
-def coarser_by_nodes(problem: DiscreteProblem, graph: NodeGraph) -> tuple[Coarser, NodeGraph] | None:
+def coarser_by_nodes(problem: DiscreteProblem, graph: LevelNodes) -> tuple[Coarser, LevelNodes] | None:
     """The same contact problem on some of the nodes, and these; None where they are hardly fewer.
 
     The field of the coarser problem is one on the same mesh, of fewer unknowns.
@@ -192,7 +182,7 @@ def coarser_by_nodes(problem: DiscreteProblem, graph: NodeGraph) -> tuple[Coarse
 
 
 def _prolongation(
-    field: Field, graph: NodeGraph, kept: BoolArray, weights: sp.csr_array, chosen: BoolArray
+    field: Field, graph: LevelNodes, kept: BoolArray, weights: sp.csr_array, chosen: BoolArray
 ) -> sp.csr_array:
     """From the chosen unknowns to all of a field: displacements follow displacements, jumps of a slave jumps."""
     own, d = field.own, field.components
@@ -210,10 +200,6 @@ def _prolongation(
     for _ in range(_CHAIN):
         found = _cleaned(sp.csr_array(other @ (nodal @ (basis @ found)) + of_jumps))
     return found
-
-
-#: How many bodies may follow one another.
-_CHAIN = 3
 
 
 def _cleaned(matrix: sp.csr_array) -> sp.csr_array:

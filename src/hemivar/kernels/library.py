@@ -138,18 +138,18 @@ class Kernels:
     def add_product(
         self, left: sp.csr_array, right: sp.csr_array, out: tuple[AnyArray, AnyArray, Array], columns: int
     ) -> None:
-        """``C += A B`` of matrices whose arrays the caller has checked once, C of this many columns on a pattern.
+        """``C += A B`` of matrices by rows, C of this many columns on a pattern.
 
         ``out``: starts, columns and numbers of its rows, which are changed. Raises ValueError: C has no place for an
-        entry, or the rows and columns of the matrices do not fit.
+        entry, or an array is not what it should be.
         """
         starts, indices, data = out
-        if left.shape[1] != right.shape[0] or starts.size != left.shape[0] + 1 or columns != right.shape[1]:
-            raise ValueError(f"a product of {left.shape} and {right.shape} does not fit {starts.size - 1} rows")
-        for one in (left.indptr, left.indices, right.indptr, right.indices, starts, indices):
-            expect_list("rows and columns of a product", one, np.int32)
-        for one in (left.data, right.data, data):
-            expect_list("numbers of a product", one, np.float64)
+        if left.shape[1] != right.shape[0] or columns != right.shape[1]:
+            raise ValueError(f"a product of {left.shape} and {right.shape} must have {right.shape[1]} columns")
+        _changed(data, data.size)
+        _expect_rows((left.indptr, left.indices, left.data), left.shape)
+        _expect_rows((right.indptr, right.indices, right.data), right.shape)
+        _expect_rows(out, (left.shape[0], columns))
         at = self.address
         parts = (left.indptr, left.indices, left.data, right.indptr, right.indices, right.data, starts, indices, data)
         self.check(self.call.hv_add_product(left.shape[0], columns, *map(at, parts)))
@@ -194,6 +194,18 @@ def expect_list(what: str, array: AnyArray, kind: DTypeLike) -> None:
     """That the kernels can read a list of numbers where it is."""
     if array.dtype != kind or array.ndim != 1 or not array.flags.c_contiguous or not array.flags.aligned:
         raise ValueError(f"{what} must be a contiguous array of {np.dtype(kind).name}")
+
+
+def _expect_rows(arrays: tuple[AnyArray, AnyArray, Array], shape: tuple[int, int]) -> None:
+    """That the kernels can read a matrix by rows, and nothing beyond its ends."""
+    starts, columns, numbers = arrays
+    for array, kind in ((starts, np.int32), (columns, np.int32), (numbers, np.float64)):
+        expect_list("rows of a product", array, kind)
+    ends = starts.size == shape[0] + 1 and starts[0] == 0 and starts[-1] == columns.size == numbers.size
+    if not ends or (np.diff(starts) < 0).any():
+        raise ValueError("starts of rows must rise from 0 to the number of their entries")
+    if columns.size and not (columns.min() >= 0 and columns.max() < shape[1]):
+        raise ValueError(f"columns of a product must be between 0 and {shape[1] - 1}")
 
 
 def _changed(x: Array, n: int) -> None:

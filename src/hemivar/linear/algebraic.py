@@ -9,12 +9,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import IMPORTS
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.linear.compiled import NodeSlots
 from hemivar.linear.levels import COARSEST, Transfer
 from hemivar.linear.truncated_level import narrow
 
-__all__ = ["NodeSlots", "algebraic_levels", "near_each_other"]
+__all__ = ["NodeSlots", "algebraic_levels", "independent_nodes", "near_each_other"]
 
 _LEVELS = 20
 #: Sweeps that smooth the near null space of the finest level, on which supports bend it.
@@ -133,6 +133,22 @@ def _aggregates(matrix: sp.bsr_array, group: IntArray, least: float) -> sp.csr_a
     of_node[alone] = of_node[nearest[alone]]
     member = np.flatnonzero(~alone | (strength > 0.0))
     return narrow(sp.csr_array((np.ones(member.size), (member, of_node[member])), shape=found.shape))
+
+
+def independent_nodes(near: sp.csr_array, order: IntArray) -> BoolArray:
+    """A maximal set of nodes (N,) of which no two are neighbours, found in an order; ``near (N, N)``: ones between
+    neighbours."""
+    with IMPORTS:
+        from pyamg import amg_core
+
+    turned = sp.csr_array(near[order][:, order])
+    turned.setdiag(0.0)
+    turned.eliminate_zeros()
+    turned, found = narrow(turned), np.full(order.size, -1, dtype=np.int32)
+    amg_core.maximal_independent_set_serial(order.size, turned.indptr, turned.indices, -1, 1, 0, found)
+    out = np.zeros(order.size, dtype=bool)
+    out[order] = found == 1
+    return out
 
 
 def _couplings(matrix: sp.bsr_array) -> sp.csr_array:

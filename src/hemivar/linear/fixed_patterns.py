@@ -88,7 +88,7 @@ class _CoarseLevel:
         numbers = sp.csr_array((np.arange(1.0, matrix.nnz + 1.0), matrix.indices, matrix.indptr), shape=matrix.shape)
         turned = narrow(sp.csr_array(numbers.T))
         if not (np.array_equal(turned.indices, matrix.indices) and np.array_equal(turned.indptr, matrix.indptr)):
-            raise ValueError("the pattern of a level is not symmetric")
+            raise ValueError("the pattern of a level must be symmetric")
         of_row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
         diagonal = np.flatnonzero(of_row == matrix.indices)
         across = None if transfer is None else _Pattern.of_product(own.matrix(np.ones(entries.size)), transfer)

@@ -36,8 +36,8 @@ _STIFF = 2.0
 #: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
 #: of a node on a line, two on a plane.
 _MOSTLY = 0.3
-#: Cycles after a change from which on algebraic levels follow it.
-_LATE = 4
+#: Cycles after a change from which on algebraic levels follow it; and where at most this part of what is held is new.
+_LATE, _LATER, _NEW = 4, 12, 0.1
 #: Part of a residual that a cycle in single precision may leave, and how often more than that before it is given up.
 _SLOW, _PATIENCE = 0.8, 2
 
@@ -289,7 +289,7 @@ class Truncated:
 
     def begin(self) -> None:
         """Forget, for another solve, how far algebraic levels have followed: its bits depend on nothing before it."""
-        self._cycles, self._followed = 0, False
+        self._cycles, self._followed = 0, np.zeros(0, dtype=bool)
 
     def matrix(self, k: int) -> sp.csr_array:
         """The matrix of a level, rows of held unknowns replaced by those of the identity."""
@@ -349,6 +349,7 @@ class Truncated:
         if self._late is None:
             return
         levels, (held, values), self._late, self._coarse = self._levels, self._late, None, None
+        self._followed = held
         if self._compiled is not None and levels.fixed_change is not None:
             for k, numbers in zip(
                 range(levels.algebraic - 1, -1, -1), levels.fixed_change.of(held, values), strict=True
@@ -376,16 +377,23 @@ class Truncated:
         """The same by the compiled kernels, in single precision inside; for iterations that bear that.
 
         For the first few cycles algebraic levels are those of the change before, if there was one: to change them costs
-        as much as many cycles, and equations that are soon solved well enough do not need it.
+        as much as many cycles, and equations that are soon solved well enough do not need it.  Where hardly anything
+        else is held they wait longer.
         """
         if self._compiled is None or k == 0:
             return self.cycle(k, right)
         self._cycles += 1
-        if self._cycles > _LATE or not self._followed:
+        if self._late is not None and self._cycles > self._patience(self._late[0]):
             self._follow()
-            self._followed = True
         self._coarse_root()
         return self._compiled.cycle(k, right)
+
+    def _patience(self, held: BoolArray) -> int:
+        """Cycles for which algebraic levels need not follow."""
+        if held.size != self._followed.size:
+            return 0
+        few = np.count_nonzero(held != self._followed) <= _NEW * np.count_nonzero(held)
+        return _LATER if few else _LATE
 
     @property
     def single(self) -> bool:

@@ -50,7 +50,8 @@ class NonsmoothMultigrid(TruncatedNewton):
 
     It starts from the solution on the next coarser mesh, which starts from the one below it, and so on.  On meshes that
     are refinements of coarser ones (built in with even numbers of cells, or refined) the cycle is geometric; below the
-    coarsest of them it is algebraic, with the rigid motions as near null space.
+    coarsest of them it is algebraic, with the rigid motions as near null space, and where the laws are convex some of
+    the nodes stand for a coarser mesh.
 
     For laws that are not convex it ends at a point that no contact point can leave downhill on its own, all else being
     held; :class:`NonsmoothNewton` looks further.  ``Solution.evaluations`` counts the cycles on the finest mesh.

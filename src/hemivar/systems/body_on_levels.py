@@ -22,7 +22,7 @@ from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
 from hemivar.fem.hierarchy import Coarser, coarser
 from hemivar.fem.near_kernel import near_kernel, node_slots
-from hemivar.fem.node_coarsening import NodeGraph, coarser_by_nodes
+from hemivar.fem.node_coarsening import LevelNodes, coarser_by_nodes
 from hemivar.laws import VectorLaw
 from hemivar.linear.definite import (
     below_zero,
@@ -191,7 +191,7 @@ class BodyProblem(Body):
     floats: bool  # whether nothing but contact may hold the body, or a part of it
     # the body on the coarser meshes, from coarse to fine, for whoever asks for the problem there
     meshes: tuple[BodyProblem, ...] = ()
-    graph: NodeGraph | None = None  # the nodes that were left where some were left out
+    graph: LevelNodes | None = None  # the nodes that were left where some were left out
 
     @staticmethod
     def of(
@@ -199,7 +199,7 @@ class BodyProblem(Body):
         hierarchy: ElasticMultigrid,
         top: int,
         small: Workspace,
-        graph: NodeGraph | None = None,
+        graph: LevelNodes | None = None,
     ) -> BodyProblem:
         """The body of a problem, no problem being posed below but by leaving out nodes."""
         unknown, sign, active, _ = contact_unknowns(problem.contact)
@@ -266,7 +266,7 @@ class BodyProblem(Body):
         return self.small.once("thinned", self.problem.model, self._thin)
 
     def _thin(self) -> tuple[Coarser, BodyProblem] | None:
-        graph = NodeGraph.of(self.problem) if self.graph is None else self.graph
+        graph = LevelNodes.of(self.problem) if self.graph is None else self.graph
         found = None if graph is None else coarser_by_nodes(self.problem, graph)
         if found is None:
             return None
