@@ -541,22 +541,3 @@ def test_a_process_may_end_while_its_workers_compute() -> None:
     quiet = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, env=quiet, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (0, "the end\n", "")
-
-
-ORDER = """
-import weakref
-from hemivar.studio import page_worker
-class Worker:
-    def close(self):
-        print("worker")
-    def join(self, seconds):
-        pass
-one = Worker()
-page_worker._WORKERS.add(one)
-weakref.finalize(one, print, "factors")
-"""
-
-
-def test_workers_end_before_the_factors_that_they_solve_with() -> None:
-    done = subprocess.run([sys.executable, "-c", ORDER], capture_output=True, text=True, timeout=120)
-    assert (done.returncode, done.stdout.split(), done.stderr) == (0, ["worker", "factors"], "")

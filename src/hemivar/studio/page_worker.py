@@ -116,10 +116,6 @@ def _waiting(request: Request) -> Message:
     return Message({**head, "done": None, "words": words})
 
 
-# Handlers run last to first: that of weakref, which gives back the factors that workers solve with, is made before.
-weakref.finalize(Desk, bool)
-
-
 @atexit.register
 def _end() -> None:
     """Let no worker compute while the interpreter is taken down, which would make that fail."""
