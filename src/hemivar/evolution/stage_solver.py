@@ -371,8 +371,9 @@ class StageSolver:
     def _foreseen(self, stage: Stage, initial: Solution | None, method: Solver | None) -> tuple[Array, Solver | None]:
         """Where a method starts from, and how: multigrid with the contact points where they are expected."""
         inert, start = self.discrete.mass is not None, _start(stage, initial)
-        whole = isinstance(method, NonsmoothMultigrid | SemismoothNewton) and not method.condenses
-        if initial is not None or not inert or not whole or method.refuse(stage.problem) is not None:
+        if initial is not None or not inert or not isinstance(method, NonsmoothMultigrid | SemismoothNewton):
+            return start, method
+        if method.condenses or method.refuse(stage.problem) is not None:
             return start, method
         expected = predicted_contact(stage, set_up(stage.problem, self.workspace))
         return (start, method) if expected is None else (expected, replace(method, settled=True))
