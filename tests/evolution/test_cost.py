@@ -210,6 +210,19 @@ def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> N
     )
 
 
+def test_a_step_of_coulomb_on_levels_begins_where_contact_is_expected() -> None:
+    """Two solves of Newton's equation, the second to the end, where the sets of contact stay; and the right answer."""
+    stated = body("cube", 12)
+    problem = stated.problem
+    rubs = dict.fromkeys(problem.contact, hv.Contact(hv.Compliance(50.0), hv.Coulomb(0.3)))
+    stated = replace(stated, problem=replace(problem, contact=rubs))
+    whole = hv.solvers.SemismoothNewton(hv.solvers.FixedPoint(hv.solvers.NonsmoothMultigrid()))
+    few = march(stated, 0.08, step=STEP, method=whole)
+    assert few["solver_steps"][3:].max() <= 2
+    dense = march(stated, 0.08, step=STEP, method=hv.solvers.SemismoothNewton())
+    np.testing.assert_allclose(few["normal_force"], dense["normal_force"], rtol=1e-6, atol=1e-9)
+
+
 def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:
     control = hv.evolution.AdaptiveStep(rtol=1e-2, first_step=STEP)
     history = march(body("survey"), 0.5, step=control, save=NONE, method=hv.solvers.NonsmoothNewton())
