@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import math
 import tracemalloc
@@ -221,6 +222,22 @@ def test_a_step_of_coulomb_on_levels_begins_where_contact_is_expected() -> None:
     assert few["solver_steps"][3:].max() <= 2
     dense = march(stated, 0.08, step=STEP, method=hv.solvers.SemismoothNewton())
     np.testing.assert_allclose(few["normal_force"], dense["normal_force"], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["multigrid", "newton"])
+def test_dense_algebra_of_a_step_takes_one_thread_where_all_is_on_levels(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its vectors are too small to be shared out: threads that wait for them cost many times the step."""
+    asked: list[bool] = []
+
+    def noted(wanted: bool = True) -> contextlib.AbstractContextManager[None]:
+        asked.append(wanted)
+        return contextlib.nullcontext()
+
+    monkeypatch.setattr("hemivar.evolution.stepper.one_thread", noted)
+    march(body("survey"), 2.0 * STEP, step=STEP, method=method, save=NONE)
+    assert asked == 2 * [method == "multigrid"]
 
 
 def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:
