@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import math
 import tracemalloc
@@ -208,6 +209,35 @@ def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> N
         hv.discrete.residual(problem, found.unknowns, found.multiplier).equilibrium,
         atol=1e-14,
     )
+
+
+def test_a_step_of_coulomb_on_levels_begins_where_contact_is_expected() -> None:
+    """Two solves of Newton's equation, the second to the end, where the sets of contact stay; and the right answer."""
+    stated = body("cube", 12)
+    problem = stated.problem
+    rubs = dict.fromkeys(problem.contact, hv.Contact(hv.Compliance(50.0), hv.Coulomb(0.3)))
+    stated = replace(stated, problem=replace(problem, contact=rubs))
+    whole = hv.solvers.SemismoothNewton(hv.solvers.FixedPoint(hv.solvers.NonsmoothMultigrid()))
+    few = march(stated, 0.08, step=STEP, method=whole)
+    assert few["solver_steps"][3:].max() <= 2
+    dense = march(stated, 0.08, step=STEP, method=hv.solvers.SemismoothNewton())
+    np.testing.assert_allclose(few["normal_force"], dense["normal_force"], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["multigrid", "newton"])
+def test_dense_algebra_of_a_step_takes_one_thread_where_all_is_on_levels(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its vectors are too small to be shared out: threads that wait for them cost many times the step."""
+    asked: list[bool] = []
+
+    def noted(wanted: bool = True) -> contextlib.AbstractContextManager[None]:
+        asked.append(wanted)
+        return contextlib.nullcontext()
+
+    monkeypatch.setattr("hemivar.evolution.stepper.one_thread", noted)
+    march(body("survey"), 2.0 * STEP, step=STEP, method=method, save=NONE)
+    assert asked == 2 * [method == "multigrid"]
 
 
 def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:

@@ -29,6 +29,7 @@ from hemivar.evolution.step_end import SolvedStage, end_of_step, with_products
 from hemivar.evolution.step_laws import StepLaw, stage_law
 from hemivar.evolution.step_operator import StepOperator, StepOperators, body_factors, step_operator
 from hemivar.laws import VectorLaw
+from hemivar.linear.threads import one_thread
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.choice import choose
@@ -169,7 +170,9 @@ class TimeStepper:
     ) -> StepResult:
         """One step; the state before it stays as it is."""
         end = before.time + step if end_time is None else end_time
-        return self.take_under(self.data, before, step, end, jump)
+        solver = self.stages.solver
+        with one_thread(solver is not None and not solver.condenses):
+            return self.take_under(self.data, before, step, end, jump)
 
     def take_under(
         self,

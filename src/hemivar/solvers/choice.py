@@ -29,13 +29,16 @@ def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
     """What :class:`NonsmoothNewton` and :class:`NonsmoothMultigrid` take, roughly.
 
     Fitted to one core of 2026 and linear elements (``benchmarks/crossover.py``); only their ratio and their order of
-    magnitude matter.  Where no coarser mesh is known, multigrid sets up algebraic levels and takes more steps.
+    magnitude matter.  Where no coarser mesh is known, multigrid sets up algebraic levels and takes more steps; it takes
+    more where two bodies touch as well.
     """
     n, dense = float(problem.unknowns), 5e-10 * float(problem.contact.trace.nnz) ** 3
-    unknown = not has_coarser(problem)
+    unknown, bodies = not has_coarser(problem), 1.25 if problem.contact.pairs else 1.0
     if _dimension(problem) == 3:
-        return 0.005 + 7e-9 * n**2 + dense, 0.012 + 4e-4 * math.sqrt(n) + (1.5e-6 + 8e-6 * unknown) * n
-    return 0.005 + 3.9e-7 * n**1.277 + dense, 0.012 + 2.5e-4 * math.sqrt(n) + (9e-7 + 3.6e-6 * unknown) * n
+        levels = 0.012 + 4e-4 * math.sqrt(n) + (1.5e-6 + 8e-6 * unknown) * n
+        return 0.005 + 7e-9 * n**2 + dense, bodies * levels
+    levels = 0.012 + 2.5e-4 * math.sqrt(n) + (9e-7 + 3.6e-6 * unknown) * n
+    return 0.005 + 2.6e-7 * n**1.31 + dense, bodies * levels
 
 
 def _dimension(problem: DiscreteProblem) -> int:
