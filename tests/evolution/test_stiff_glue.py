@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -56,7 +55,7 @@ def pulled(contact: hv.Contact, most: float) -> Evolution:
 
 
 @pytest.fixture
-def solves(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+def solves(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How often each stage asked for an equilibrium, whether it was one or not."""
     counts: list[int] = []
 
@@ -78,7 +77,7 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
         return whole(*given)  # type: ignore[arg-type]
 
     monkeypatch.setattr(stage_solver.StageSolver, "solution", stage)
-    yield counts
+    return counts
 
 
 @pytest.mark.parametrize("name", LAWS)
