@@ -20,7 +20,7 @@ ADHESIVE = hv.Adhesive(STIFF, STRENGTH, STRENGTH / (LAST - FIRST), STIFF)
 LAWS = {
     "adhesive": hv.Contact(ADHESIVE),
     "with friction": hv.Contact(ADHESIVE, hv.Tresca(1.0)),
-    "without memory": hv.Contact(ADHESIVE, memory=None),
+    "without memory": hv.Contact(ADHESIVE, memory=()),
     "mixed mode": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFF), 1.0, SHUT)),
     "two energies": hv.Contact(
         ModeDependentGlue(STRENGTH, 12.0, STIFF, BenzeggaghKenane(ENERGY, 2.0 * ENERGY, 2.0), 0.5 * STIFF, SHUT)
@@ -129,7 +129,7 @@ def test_where_the_walk_ends_the_state_is_that_of_short_steps(seed: int, monkeyp
         law = MixedMode(BilinearCohesion(strength, 0.5 * strength * last, stiff), 1.0, hv.Compliance(stiff))
     held = {"left": hv.Fixed(y=lambda x, t: np.full(len(x), 0.6 * t)), "right": "roller"}
     mesh = hv.rectangle((float(rng.uniform(1.0, 3.0)), 0.5), (int(rng.integers(3, 7)), 2))
-    contact = {"bottom": hv.Contact(law, memory=None)}
+    contact = {"bottom": hv.Contact(law, memory=())}
     evolution = Evolution(hv.ContactProblem(mesh, hv.Material.lame(10.0, 10.0), contact, held))
     found = march(evolution, 1.0, step=0.1)
     for name in ("_walked", "_without_barrier"):
