@@ -318,8 +318,8 @@ class TimeLoop:
         last = f"t = {self.moment.time:.10g}"
         if taken.status is Status.NOT_CARRIED:
             self.tell(
-                f"broken at t = {reached:.10g}: from the equilibrium at {last} on the energy falls without end under "
-                "the loads of the step; what holds the body by contact has let go. For a closer time take shorter steps"
+                f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on; the load may exceed "
+                "what the foundation can carry; for a closer time take shorter steps"
             )
             return
         self.tell(f"the step from {last} to {reached:.10g} could not be solved: {remedy}")
