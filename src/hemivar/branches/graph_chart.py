@@ -431,7 +431,7 @@ def _by_blocks(matrix: Array, blocks: Array) -> Array:
     """A matrix (k, m c) times the matrix of blocks (m, c, c)."""
     m, c = blocks.shape[:2]
     columns = matrix.reshape(-1, m, c).transpose(1, 0, 2)
-    return np.matmul(columns, blocks).transpose(1, 0, 2).reshape(len(matrix), m * c)
+    return np.asarray(np.matmul(columns, blocks).transpose(1, 0, 2).reshape(len(matrix), m * c))
 
 
 def _flexibilities(stiff: Array, weighed: Array) -> Array:

@@ -40,7 +40,7 @@ def along(problem: DiscreteProblem, found: Solution) -> tuple[Array, float]:
     A bound that depends on the state is the one of the solution.
     """
     way, bulk, law = found.unknowns, problem.bulk, problem.law.frozen(found.local, found.multiplier)
-    if bulk.lower is bulk:
+    if getattr(bulk, "lower", None) is bulk:  # it is linear
         body = np.full(PARTS, float(way @ bulk.gradient(way)))
     else:
         body = PARTS * np.diff([float(way @ bulk.gradient(part * way)) for part in np.linspace(0.0, 1.0, PARTS + 1)])
@@ -67,9 +67,9 @@ def second_derivatives(
     if not vectors.alone:  # points of other processes pass their knots elsewhere
         bends, drops = _of_points(law, weights, start, end, np.broadcast_to(even, (len(start), even.size)))
         own = bends.sum(axis=0)
-        whole, size = (vectors.total(*values) for values in (body + own, np.abs(body) + np.abs(own)))
+        whole, sizes = (vectors.total(*values) for values in (body + own, np.abs(body) + np.abs(own)))
         falls = bool(vectors.largest(float(drops))[0])
-        return np.where(falls, -np.inf, whole), float(size.max())
+        return np.where(falls, -np.inf, whole), float(sizes.max())
     places = _places(law, start, end, even)
     bends, drops = _of_points(law, weights, start, end, places)
     change = [np.diff(one, axis=1, prepend=0.0, append=0.0).ravel() for one in (body[None, :], bends)]

@@ -318,7 +318,7 @@ class TimeLoop:
         last = f"t = {self.moment.time:.10g}"
         if taken.status is Status.NOT_CARRIED:
             self.tell(
-                f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on; the load may exceed "
+                f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on. The load may exceed "
                 "what the foundation can carry; for a closer time take shorter steps"
             )
             return
