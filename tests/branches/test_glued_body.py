@@ -27,6 +27,6 @@ def test_a_block_on_glue_follows_its_load_until_the_strength_is_reached() -> Non
         penetration = history.frames[-1].local[:, 0]
         np.testing.assert_allclose(-penetration, 1.75 / 24.0, rtol=1e-7)
         beyond = hanging(jump, until=2.5)
-        assert not beyond.finished
+        assert beyond.ended == "broken"
         assert beyond.frames[-1].time in (1.75, 2.0)
         assert any("may exceed what the foundation can carry" in message for message in beyond.messages)

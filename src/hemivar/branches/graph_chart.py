@@ -211,7 +211,7 @@ class GraphChart(Curves):
         """dF/dtheta for dr/dtheta (m, c, c)."""
         m, c = self.system.shape
         pulled = self._weight * self.stiffness
-        J = np.matmul(self.matrix.reshape(-1, m, 1, c), slope[None]).reshape(self.size, self.size)
+        J = _by_blocks(self.matrix, slope)
         own = pulled[:, :, None] * (np.eye(c) - slope)
         blocks = J.reshape(m, c, m, c)
         every = np.arange(m)
@@ -257,8 +257,8 @@ class GraphChart(Curves):
         d, axes = self._moving(slope)
         moving = (d * self.stiffness.max(axis=1, keepdims=True) > 1e-11).ravel()
         whole = self.system.matrix - np.diag(self._weighed)
-        half = np.matmul(axes.transpose(0, 2, 1), whole.reshape(m, c, -1)).reshape(self.size, m, 1, c)
-        H = np.matmul(half, axes[None]).reshape(self.size, self.size)[np.ix_(moving, moving)]
+        half = np.matmul(axes.transpose(0, 2, 1), whole.reshape(m, c, -1)).reshape(self.size, self.size)
+        H = _by_blocks(half, axes)[np.ix_(moving, moving)]
         weights = np.repeat(self.system.weights, c)[moving]
         H[np.diag_indices(len(H))] += weights / d.ravel()[moving]
         return np.asarray(H)
@@ -425,6 +425,13 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
     if known is not None:
         return replace(known, a=np.maximum(a, known.a))
     return GraphChart(system, a, r + lam / spread(a, r.shape[1]))
+
+
+def _by_blocks(matrix: Array, blocks: Array) -> Array:
+    """A matrix (k, m c) times the matrix of blocks (m, c, c)."""
+    m, c = blocks.shape[:2]
+    columns = matrix.reshape(-1, m, c).transpose(1, 0, 2)
+    return np.asarray(np.matmul(columns, blocks).transpose(1, 0, 2).reshape(len(matrix), m * c))
 
 
 def _flexibilities(stiff: Array, weighed: Array) -> Array:

@@ -23,6 +23,7 @@ from hemivar.solvers.loop import finish
 from hemivar.solvers.status import STOPPED, check_interrupt
 from hemivar.systems.body import Body
 from hemivar.systems.chain import Chain, chain_of
+from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
@@ -94,6 +95,16 @@ class Slowed:
     resistance: float
     #: The resistance where the body has free motions, which its own stiffness would not resist: of the contact points.
     contact: sp.csr_array | None = None  # (n, n)
+    #: Of its springs, force per area and length.
+    springs: float = 0.0
+
+    def on_contact(self, system: CondensedProblem) -> tuple[Array, float]:
+        """The norm (m d, m d) of the resistance on the contact points of the condensed body, and how much of it there
+        is."""
+        if self.contact is None:
+            return system.matrix, self.resistance
+        spring = self.springs * np.repeat(system.weights, system.shape[1])
+        return np.diag(np.where(system.active.ravel(), spring, 0.0)), 1.0
 
     def drag(self, body: Bulk, u: Array) -> Array:
         """Force (n,) that moves the resistance to u (n,)."""
@@ -116,8 +127,9 @@ def slowed(bodies: StepMatrices, problem: DiscreteProblem, convexity_defect: flo
             "the stiffness of the nonlinear body has no known lower bound, or only a softening foundation holds the "
             "body; add a support, or take a material whose stress always grows"
         )
-    slow, contact = bodies.on_its_foundation(problem, (1.0 + _LEAST) * steepest)
-    return Slowed(slow, math.inf, contact)
+    springs = (1.0 + _LEAST) * steepest
+    slow, contact = bodies.on_its_foundation(problem, springs)
+    return Slowed(slow, math.inf, contact, springs)
 
 
 def bottom(

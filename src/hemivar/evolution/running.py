@@ -70,6 +70,7 @@ _MADE, _MOST_MADE = "energy made", 0.5
 #: Columns of the sums of errors of steps: in the energy norm, and at the contact points.
 _SUMMED = ("error_sum", "contact_error_sum")
 #: Ends of a solve that are none of the step.
+_BROKEN = "broken"
 _OUTSIDE = (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
 #: How near to a stop what acts is looked at for jumps, as a part of the time before it or of the first step.
 _BESIDE = 1e-9
@@ -234,7 +235,7 @@ class TimeLoop:
             return None, (self.unsettled.status.value,), True
         tried = self._tried(begin, goal)
         if isinstance(tried, Status):
-            return None, (tried.value,), True
+            return None, (_BROKEN if tried is Status.NOT_CARRIED else tried.value,), True
         self.step_size, self.errors = tried.step_size, tried.errors
         if (
             self.plan.jump is SelectionRule.STOP
@@ -315,8 +316,14 @@ class TimeLoop:
                 f"a step of {length:.3g} among others of {usual:.3g} is too short for the displacements to "
                 f"determine the forces; move the stop or the kink of a load that causes it"
             )
-        when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
-        self.tell(f"the step {when} could not be solved: {remedy}")
+        last = f"t = {self.moment.time:.10g}"
+        if taken.status is Status.NOT_CARRIED:
+            self.tell(
+                f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on. The load may exceed "
+                "what the foundation can carry; for a closer time take shorter steps"
+            )
+            return
+        self.tell(f"the step from {last} to {reached:.10g} could not be solved: {remedy}")
 
     def _tell_of_misses(self, tried: _Tried) -> None:
         """Say that a step is not as exact as was asked for."""

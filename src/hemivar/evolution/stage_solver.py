@@ -25,13 +25,16 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.defined_above import above
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates.smallness import smallness
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError
-from hemivar.evolution.descent import TIGHT, DescentSolver, bottom, downhill, slowed
+from hemivar.evolution.barrier import way_bends_downwards
+from hemivar.evolution.descent import TIGHT, DescentSolver, Slowed, bottom, downhill, slowed
 from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
 from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.stage import Stage, StageState, extrapolated_multiplier, out_of_balance_force, stage_state
+from hemivar.evolution.walk import Walk
 from hemivar.fem.load_line import LoadLine
 from hemivar.laws import VectorLaw
 from hemivar.solvers import (
@@ -45,7 +48,9 @@ from hemivar.solvers import (
     Status,
     solve,
 )
-from hemivar.solvers.newton_on_graph import ForceResidual, active_set_newton
+from hemivar.solvers.load_stepping import LoadStepping
+from hemivar.solvers.newton_on_graph import FEW_ROUNDS, ROUNDS, ForceResidual, active_set_newton, stands
+from hemivar.solvers.status import check_interrupt
 from hemivar.systems.body import Body
 from hemivar.systems.body_on_levels import set_up
 from hemivar.systems.chain import Chain, chain_of
@@ -329,6 +334,10 @@ class StageSolver:
         at_rest = self._at_rest(problem)
         if at_rest is not None:
             return at_rest
+        if jump is not SelectionRule.VISCOUS or self.resists:
+            near = self._without_barrier(stage, start, controls)
+            if near is not None:
+                return near
         slow = slowed(self.bodies, problem, convexity_defect)
         if jump is SelectionRule.VISCOUS and not self.resists:
             if slow.contact is not None:
@@ -338,7 +347,41 @@ class StageSolver:
                 )
             crept = solve(slow.problem, self.solver, controls, initial=start, workspace=self.workspace)
             return StageSolution(crept, slow.resistance)
+        walked = self._walked(stage, slow, start, controls) if self.condenses(problem) else None
+        if walked is not None:
+            return StageSolution(walked)
         return StageSolution(downhill(problem, slow, start, DescentSolver(self.solver, self.workspace), controls))
+
+    def _walked(self, stage: Stage, slow: Slowed, start: Array, controls: Controls) -> Solution | None:
+        """Downhill from where the body is, on its contact points; None where such steps do not settle."""
+        system = self.workspace.condensed(stage.problem, many=True)
+        norm, most = slow.on_contact(system)
+        return Walk(system, norm, most, controls).down(stage.problem.local(start), stage.before.multiplier)
+
+    def _without_barrier(self, stage: Stage, start: Array, controls: Controls) -> StageSolution | None:
+        """The solution that Newton's method finds from where the body is, if no barrier lies on the straight way there.
+
+        It is a strict minimiser of the energy: the method goes on from any other.
+        """
+        alphas = stage.problem.law.weak_convexity_at(-stage.problem.offset)
+        if not all(bool(np.isfinite(alpha).all()) for alpha in alphas):
+            return None
+        near = self._nearby(stage, None, controls, from_rest=True)
+        if near is not None and self._follows(stage, near.solution):
+            return near
+        if not isinstance(stage.problem.bulk, Quadratic) or isinstance(self.solver, LoadStepping):
+            return None
+        method = None if self.solver is None else self.solver.downhill()
+        found = solve(stage.problem, method, controls, initial=start, workspace=self.workspace)
+        check_interrupt(found.status)
+        if found.status is Status.CONVERGED and not way_bends_downwards(stage.problem, found):
+            return StageSolution(found)
+        return None
+
+    def _follows(self, stage: Stage, found: Solution) -> bool:
+        """Whether a pair of the condensed body is a strict minimiser, with no barrier on the straight way there."""
+        system = self.workspace.condensed(stage.problem, many=True)
+        return stands(system, found.local, found.multiplier) and not way_bends_downwards(stage.problem, found)
 
     def _at_rest(self, problem: DiscreteProblem) -> StageSolution | None:
         """The solution where the body is, if nothing acts there and the foundation does not push.
@@ -361,14 +404,19 @@ class StageSolver:
         expected = predicted_contact(stage, set_up(stage.problem, self.workspace))
         return (start, method) if expected is None else (expected, replace(method, settled=True))
 
-    def _nearby(self, stage: Stage, initial: Solution | None, controls: Controls) -> StageSolution | None:
-        """The one solution of a stage, if a few of Newton's equations lead to it from what is expected."""
+    def _nearby(
+        self, stage: Stage, initial: Solution | None, controls: Controls, from_rest: bool = False
+    ) -> StageSolution | None:
+        """The one solution of a stage, if a few of Newton's equations lead to it from what is expected.
+
+        Or, ``from_rest``, from where the body is.
+        """
         if not self.condenses(stage.problem):
             return None
         base, reached = stage.before, None
         system = self.workspace.condensed(stage.problem, many=True)
         if initial is None:
-            span = stage.rule.at * stage.step
+            span = 0.0 if from_rest else stage.rule.at * stage.step
             r = base.local.displacement + span * base.local.velocity - stage.origin
             lam = extrapolated_multiplier(base, span)
         else:
@@ -380,7 +428,8 @@ class StageSolver:
             reached = stage_state(self.discrete, stage, unknowns)
             return out_of_balance_force(self.discrete, stage, reached, enough)
 
-        found = active_set_newton(system, r, lam, controls, stage.operator.newton, left if stage.held else None)
+        known, rounds = left if stage.held else None, FEW_ROUNDS if from_rest else ROUNDS
+        found = active_set_newton(system, r, lam, controls, stage.operator.newton, known, rounds)
         if found is None:
             return None
         return StageSolution(found, reached=reached if reached and reached.unknowns is found.unknowns else None)

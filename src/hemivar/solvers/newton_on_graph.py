@@ -44,6 +44,7 @@ from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEqu
 
 __all__ = [
     "FEW_ROUNDS",
+    "ROUNDS",
     "SEMISMOOTH",
     "ForceResidual",
     "GraphEquation",
@@ -52,12 +53,13 @@ __all__ = [
     "NewtonCache",
     "active_set_newton",
     "small_and_convex",
+    "stands",
 ]
 
 #: The method where the bound of the law depends on the state.
 SEMISMOOTH = "semismooth-newton"
 #: Newton's equations that are solved before a search is thought better.
-_ROUNDS = 6
+ROUNDS = 6
 #: The same of a body that nothing is known of yet, and components of contact points up to which it is tried.
 FEW_ROUNDS, _SMALL = 12, 600
 #: Part of the tolerance by which the multiplier may miss the law before the other unknowns are looked for.
@@ -97,14 +99,16 @@ class GraphEquation:
     equation: NewtonEquation
 
     @classmethod
-    def of(cls, system: ContactSystem) -> Self | None:
+    def of(cls, system: ContactSystem, alphas: tuple[Array, Array] | None = None) -> Self | None:
         """The equation of a problem; None where its law is no curve beside the body, or has no derivatives.
 
         The zeros of F are the same whatever the stiffness: that of the body, or for a law of the whole state more.
+        So it is for any law whose weak convexity, ``alphas``, the caller knows.
         """
         law, pair, d = system.law, 1.0 / system.compliance, system.active.shape[1]
-        if law.depends_on_whole_state:
-            least = [np.broadcast_to(one, len(pair)) for one in law.curve_above]
+        above = law.curve_above if law.depends_on_whole_state else alphas
+        if above is not None:
+            least = [np.broadcast_to(one, len(pair)) for one in above]
             pair = np.maximum(pair, _ABOVE * np.stack(least, axis=1))
         chart = law.chart(pair, d) if law.is_curve(pair, d) else None
         if system.vectors.largest(float(chart is None))[0] or chart is None:
@@ -215,7 +219,7 @@ def active_set_newton(
     controls: Controls,
     cache: NewtonCache,
     out_of_balance: Callable[[Array], ForceResidual] | None = None,
-    rounds: int = _ROUNDS,
+    rounds: int = ROUNDS,
 ) -> Solution | None:
     """The solution that Newton's equations lead to from a pair, or None where they do not settle at once.
 
@@ -232,7 +236,7 @@ def active_set_newton(
     compiled = cache.compiled(system, equation.chart)
     pairs = _pairs(start) if compiled is None else _compiled_pairs(start, compiled)
     for number, r, of_law in pairs:
-        if not _stands(system, r, of_law):
+        if system.law.state_dependent and not stands(system, r, of_law):  # else it was known to have one solution
             return None
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
@@ -327,11 +331,10 @@ def _pairs(start: _Start) -> Iterator[_Pair]:
             yield number, point.x, of_law
 
 
-def _stands(system: CondensedProblem, r: Array, lam: Array) -> bool:
-    """Whether a law that softens and depends on the state leaves a pair stable, its state being frozen: whether there
-    is one solution is not known before."""
+def stands(system: CondensedProblem, r: Array, lam: Array) -> bool:
+    """Whether a law that softens leaves a pair stable, a state that it depends on being frozen."""
     law = system.law
-    if not (law.state_dependent and law.softens):
+    if not law.softens:
         return True
     line = law.frozen(r, lam).linearise(r)
     index = np.flatnonzero(smooth_components(line, system.active))

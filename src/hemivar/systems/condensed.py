@@ -18,6 +18,7 @@ from hemivar.discrete.free_motion import free_growth
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.recession import RecessionFunction, growth_along
 from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
+from hemivar.discrete.rigid_part import RigidPart
 from hemivar.errors import ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.laws import VectorLaw
@@ -316,6 +317,14 @@ class CondensedProblem(OfProblem, PickleMixin):
             return replace(self, problem=problem, seconds=0.0)
         found = _under(self.body, problem, began)
         return found if self.origin is None else found.displaced
+
+    def resisted(self, springs: Array, place: Array) -> CondensedProblem:
+        """The same with springs (m d, m d) between its contact points, which do nothing at a place (m, d): for points
+        alone, energies and the way back being those of the body without them."""
+        matrix = self.matrix + springs
+        body = replace(self.body, matrix=matrix, rigid_part=RigidPart.none(len(matrix)))
+        recovery = replace(self._recovery, body=body)
+        return replace(self, matrix=matrix, load=self.load + springs @ place.ravel(), _recovery=recovery)
 
     def with_law(self, law: VectorLaw) -> CondensedProblem:
         """The same body on another foundation."""

@@ -11,6 +11,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.laws.parameters import LINE, field_values, positive
 
@@ -40,6 +41,13 @@ class FractureCriterion(ABC):
 
     def values(self, points: Array | None = None) -> tuple[Array, Array, Array]:
         """G_Ic, G_IIc and the exponent at the contact points, (m or 1,) each."""
+        return self._own if points is None else self._at(points)
+
+    @cached_property
+    def _own(self) -> tuple[Array, Array, Array]:
+        return self._at(None)
+
+    def _at(self, points: Array | None) -> tuple[Array, Array, Array]:
         opening, shear, exponent = field_values(self, points, f"criterion '{self.name}'").values()
         return opening, shear, exponent
 

@@ -432,7 +432,10 @@ class MixedMode(Glue):
     def local_argmin(self, a: Array, b: Array) -> Array:
         out = self._shut(a, b, None)
         opens = np.flatnonzero(b[:, 0] < 0.0)
-        if opens.size:
+        if opens.size and self.is_curve(a, b.shape[1]):
+            problem = self._problem(opens, a, b)
+            out[opens] = self._of_opening(opens, b, problem.places(problem.only()[:, None])[:, 0])
+        elif opens.size:
             places, _, energies = self._opened(opens, a, b)
             best = np.argmin(np.where(np.isnan(energies), np.inf, energies), axis=1)
             out[opens] = self._of_opening(opens, b, places[np.arange(opens.size), best])

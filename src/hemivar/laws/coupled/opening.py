@@ -82,11 +82,28 @@ class OpeningProblem:
             *(part[rows] for part in (self.stiffness, self.force, self.knots, self.tractions, self.slopes))
         )
 
+    @property
+    def _pulled(self) -> BoolArray:
+        """Whether the force does not lead beyond each knot, (n, K): u <= 0 at its secant, or there is less force."""
+        free = self.rho(np.zeros((len(self.knots), 1)))
+        return np.asarray((free <= self.knots) | (self.rho(self.tractions / self.knots) <= self.knots))
+
+    def only(self) -> Array:
+        """Secants (n,) of the minimisers where each problem has one: its knots say on which piece it lies."""
+        pulled, knots = self._pulled, self.knots
+        piece = np.where(pulled.any(axis=1), np.argmax(pulled, axis=1), knots.shape[1])
+        m = np.where(piece == 0, self.slopes[:, 0], 0.0)  # with no force left beyond the last knot
+        rows = np.flatnonzero((piece > 0) & (piece < knots.shape[1]))
+        if rows.size:
+            k, q = piece[rows], self.slopes[rows, piece[rows]]
+            before, traction = knots[rows, k - 1], self.tractions[rows, k - 1]
+            low, high = self.tractions[rows, k] / knots[rows, k], traction / before
+            m[rows] = self._roots(rows, low, high, q, traction - q * before)
+        return m
+
     def minimisers(self) -> Array:
         """Secants (n, k) of the local minimisers, nan where a problem has fewer than others."""
-        knots, free = self.knots, self.rho(np.zeros((len(self.knots), 1)))
-        # u <= 0 at a knot where m(rho) rho <= Phi'(rho), or with less force than leads there
-        pulled = (free <= knots) | (self.rho(self.tractions / knots) <= knots)
+        knots, free, pulled = self.knots, self.rho(np.zeros((len(self.knots), 1))), self._pulled
         first = np.where(pulled[:, 0], self.slopes[:, 0], np.nan)  # on the first piece m = q
         last = np.where((free >= knots[:, -1:]).ravel(), 0.0, np.nan)  # it has let go
         turn = self._turn(self.slopes[:, 1:-1])

@@ -1,0 +1,131 @@
+"""Downhill from a place on the body condensed onto its contact points, by implicit steps that grow.
+
+The energy is followed along its gradient in a norm: that of the body, or of springs at its contact points where it
+has free motions.  A step is an equilibrium against a resistance in that norm.  It counts if it is a strict minimiser,
+and the energy with the resistance bends downwards nowhere on the straight way: then no barrier is crossed.  The
+resistance is eased after a step that counts and grows after one that does not, until each step has one solution.  Where
+a step without resistance counts the body has come to rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.arrays import norm
+from hemivar.basics.deadline import check_time
+from hemivar.basics.types import Array
+from hemivar.evolution.barrier import PARTS, bends_downwards
+from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
+from hemivar.solvers.newton_on_graph import FEW_ROUNDS, SEMISMOOTH, GraphEquation, GraphPoint, stands
+from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.newton_equation import Accuracy
+
+__all__ = ["Walk"]
+
+#: Steps at most.
+_STEPS = 2000
+#: By how much the resistance is eased, and how it grows; after it has grown it is held.
+_EASED, _GROWS, _HELD = 8.0, 4.0, 1.0
+#: What it begins with, as a part of the most that is needed.
+_BEGINS = 1.0 / 64.0
+#: Part of the tolerance of the whole that a step may miss, and that is left where the body rests.
+_TIGHT, _AT_REST = 0.1, 1e-3
+#: Sizes of the body from its place at which nothing holds one that still falls.
+_AWAY = 100.0
+_DIRECT = Accuracy(0.0, 0.0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A gradient flow of a condensed body."""
+
+    system: CondensedProblem
+    #: Of a unit of the resistance, (m d, m d).
+    norm: Array
+    #: The resistance with which each step has one solution.
+    most: float
+    controls: Controls
+
+    def down(self, r: Array, lam: Array) -> Solution | None:
+        """The minimiser that is reached from a place near a pair (m, d); None where steps do not settle."""
+        resistance, wait, left, eased = self.most * _BEGINS, 1, 1, _EASED
+        for _ in range(_STEPS):
+            check_time()
+            left -= 1
+            if left <= 0:
+                found = self._step(r, lam, 0.0)
+                ended = None if found is None else self._solution(found)
+                if ended is not None:
+                    return ended
+                left = wait = 2 * wait
+            point = self._step(r, lam, resistance)
+            if point is None:
+                resistance, eased = _GROWS * resistance, _HELD
+                if resistance > _GROWS * self.most:
+                    return None
+                continue
+            before, r, lam = r, point.x, point.on.multiplier
+            off, allowed = resistance * norm(self.norm @ (r - before).ravel()), self._tolerance(lam)
+            if off <= _AT_REST * allowed:
+                return self._solution(point)
+            if self._falls_for_ever(point, r - before):
+                return self._solution(point, Status.NOT_CARRIED)
+            left = 1 if off <= allowed else left
+            resistance, eased = resistance / eased, _EASED
+        return None
+
+    def _tolerance(self, lam: Array) -> float:
+        size = self.system.problem.loading.load_size + norm(self.system.weights[:, None] * lam)
+        return self.controls.atol + self.controls.rtol * size
+
+    def _step(self, r: Array, lam: Array, resistance: float) -> GraphPoint | None:
+        """A step against a resistance; None where it does not count."""
+        system = self.system if resistance == 0.0 else self.system.resisted(resistance * self.norm, r)
+        equation = GraphEquation.of(system, system.law.weak_convexity_at(r))
+        point = None if equation is None else equation.begin(np.where(system.active, r, system.fixed), lam)
+        for _ in range(FEW_ROUNDS):
+            found = None if point is None or equation is None else equation.step(point, _DIRECT)
+            if found is None or equation is None:
+                return None
+            point = equation.at(*found[:2])
+            if point is None:
+                return None
+            missed = norm(equation.missed(point))
+            if not math.isfinite(missed):
+                return None
+            if missed <= _TIGHT * self._tolerance(point.on.multiplier):
+                break
+        else:
+            return None
+        assert point is not None
+        law, way = system.law.frozen(point.x, point.on.multiplier), point.x - r
+        body = np.full(PARTS, float(way.ravel() @ (system.matrix @ way.ravel())))
+        counts = stands(system, point.x, point.on.multiplier)
+        return point if counts and not bends_downwards(law, system.weights, r, point.x, body) else None
+
+    def _solution(self, point: GraphPoint, status: Status | None = None) -> Solution | None:
+        """What a place comes to; None where it is no equilibrium."""
+        system = self.system
+        lam = np.where(system.active, point.on.multiplier, point.lam)
+        u, (residual, *_) = system.recover(point.x, lam)
+        if status is None and not residual.below(self.controls.atol, self.controls.rtol):
+            return None
+        name = SEMISMOOTH if system.law.state_dependent else NonsmoothNewton.name
+        return Solution(system.problem, u, lam, status or Status.CONVERGED, residual, name, 1)
+
+    def _falls_for_ever(self, point: GraphPoint, way: Array) -> bool:
+        """Whether the energy still falls where a way leads on to, many times the size of the body away, on the same
+        pieces of all laws."""
+        system, far = self.system, float(np.abs(way).max(initial=0.0))
+        field = system.problem.field
+        if field is None or not len(system.rigid_modes) or not far > 0.0:
+            return False
+        r = point.x + _AWAY * float(np.ptp(field.nodes, axis=0).max()) / far * way
+        law = system.law.frozen(r, point.on.multiplier)
+        if not np.array_equal(law.clamp(point.x, r), r):
+            return False
+        force = system.out_of_balance(r) - system.weights[:, None] * law.linearise(r).gradient
+        return float((force * way).sum()) > 0.0

@@ -1,0 +1,180 @@
+"""Marches of slender bodies on stiff glue: what a step costs, and where it ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.evolution import Evolution, barrier, march, stage_solver, walk
+from hemivar.laws import BenzeggaghKenane, BilinearCohesion, MixedMode, ModeDependentGlue
+from tests.samples import slow
+
+#: A data sheet's layer between arms of aluminium: MPa/mm, MPa, N/mm.
+STIFF, STRENGTH, ENERGY = 2e4, 10.0, 0.25
+FIRST, LAST = STRENGTH / STIFF, 2.0 * ENERGY / STRENGTH
+SHUT = hv.Compliance(STIFF)
+ADHESIVE = hv.Adhesive(STIFF, STRENGTH, STRENGTH / (LAST - FIRST), STIFF)
+LAWS = {
+    "adhesive": hv.Contact(ADHESIVE),
+    "with friction": hv.Contact(ADHESIVE, hv.Tresca(1.0)),
+    "without memory": hv.Contact(ADHESIVE, memory=()),
+    "mixed mode": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFF), 1.0, SHUT)),
+    "two energies": hv.Contact(
+        ModeDependentGlue(STRENGTH, 12.0, STIFF, BenzeggaghKenane(ENERGY, 2.0 * ENERGY, 2.0), 0.5 * STIFF, SHUT)
+    ),
+}
+
+
+def arm(contact: hv.Contact, cells: int = 20, **more: object) -> hv.ContactProblem:
+    """Half of a double cantilever, 50 mm of crack and 40 mm of glue."""
+    mesh = hv.rectangle((90.0, 3.0), (cells, 2)).with_boundaries(
+        {
+            "end": lambda x: x[:, 0] < 1e-9,
+            "far": lambda x: x[:, 0] > 90.0 - 1e-9,
+            "glue": lambda x: (x[:, 1] < 1e-9) & (x[:, 0] > 50.0),
+        }
+    )
+    material = hv.Material.young(70e3, 0.3, plane="stress")
+    return hv.ContactProblem(mesh=mesh, order=2, material=material, contact={"glue": contact}, **more)  # type: ignore[arg-type]
+
+
+def moved(contact: hv.Contact, rate: float) -> Evolution:
+    """Its end is moved away."""
+    end = hv.Fixed(y=lambda x, t: np.full(len(x), rate * t))
+    return Evolution(arm(contact, supports={"end": end, "far": "roller"}))
+
+
+def pulled(contact: hv.Contact, most: float) -> Evolution:
+    """A dead load grows there."""
+    return Evolution(
+        arm(contact, supports={"far": "roller"}, tractions={"end": lambda x, t: np.tile([0.0, most * t], (len(x), 1))})
+    )
+
+
+@pytest.fixture
+def solves(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How often each stage asked for an equilibrium, whether it was one or not."""
+    counts: list[int] = []
+
+    def counted(owner: object, name: str) -> None:
+        ask = getattr(owner, name)
+
+        def asked(*given: object, **more: object) -> object:
+            counts[-1] += 1
+            return ask(*given, **more)
+
+        monkeypatch.setattr(owner, name, asked)
+
+    for owner, name in ((stage_solver, "active_set_newton"), (stage_solver, "solve"), (walk.Walk, "_step")):
+        counted(owner, name)
+    whole = stage_solver.StageSolver.solution
+
+    def stage(*given: object) -> object:
+        counts.append(0)
+        return whole(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(stage_solver.StageSolver, "solution", stage)
+    return counts
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_steps_of_stiff_glue_cost_a_few_static_solves(name: str, solves: list[int]) -> None:
+    """Elastic steps and steps in which the front softens; with a margin of -1e4."""
+    history = march(moved(LAWS[name], 0.5), 1.0, step=0.25)
+    assert history.finished
+    assert history.margin < -1e3
+    assert not history["jumped"].any()
+    assert max(solves) <= 5
+    opened = -history.frames[-1].local[:, 0].min()
+    assert FIRST < opened < LAST
+
+
+@pytest.mark.parametrize("name", ["adhesive", "mixed mode"])
+def test_a_jump_of_stiff_glue_costs_tens_of_static_solves(name: str, solves: list[int]) -> None:
+    """Under a dead load the front runs through at once, along 18 points."""
+    history = march(pulled(LAWS[name], 4.0), 1.0, step=0.25)
+    assert history.finished
+    assert history["jumped"].sum() == 1
+    assert max(solves) <= 51
+    assert -history.frames[-1].local[0, 0] > 10.0 * LAST
+
+
+def test_a_march_without_memory_is_on_the_load_path_before_its_first_fold() -> None:
+    problem = pulled(LAWS["without memory"], 2.0).problem
+    path = hv.follow_path(problem.at_time(1.0))
+    fold = path.load_factor[int(np.argmax(np.diff(path.load_factor) < 0.0))]
+    assert 0.5 < fold < 1.0
+    history = march(Evolution(problem), 0.95 * fold, step=0.95 * fold / 6.0)
+    assert history.finished
+    softened = 0
+    for time, frame in zip(history.times[1:], history.frames[1:], strict=True):
+        there, stable = path.at(float(time))[0]
+        assert stable
+        np.testing.assert_allclose(frame.local, there, atol=1e-8 * np.abs(there).max())
+        softened += bool(frame.local[:, 0].min() < -FIRST)
+    assert softened >= 1
+
+
+@pytest.mark.parametrize("seed", [0, 2, slow(1), slow(3), slow(4)])
+def test_where_the_walk_ends_the_state_is_that_of_short_steps(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Random strips on glue, moved until it has let go: by steps that grow, and by those of a viscosity."""
+    rng = np.random.default_rng(seed)
+    stiff = float(10.0 ** rng.uniform(0.5, 1.5))
+    strength, last = 0.02 * stiff, float(rng.uniform(0.05, 0.1))
+    law = hv.Adhesive(stiff, strength, strength / (last - 0.02), stiff)
+    if seed % 2:
+        law = MixedMode(BilinearCohesion(strength, 0.5 * strength * last, stiff), 1.0, hv.Compliance(stiff))
+    held = {"left": hv.Fixed(y=lambda x, t: np.full(len(x), 0.6 * t)), "right": "roller"}
+    mesh = hv.rectangle((float(rng.uniform(1.0, 3.0)), 0.5), (int(rng.integers(3, 7)), 2))
+    contact = {"bottom": hv.Contact(law, memory=())}
+    evolution = Evolution(hv.ContactProblem(mesh, hv.Material.lame(10.0, 10.0), contact, held))
+    found = march(evolution, 1.0, step=0.1)
+    for name in ("_walked", "_without_barrier"):
+        monkeypatch.setattr(stage_solver.StageSolver, name, lambda *given: None)
+    crept = march(evolution, 1.0, step=0.1)
+    assert found.finished
+    assert crept.finished
+    assert found.margin < -0.5
+    both = np.intersect1d(found.times, crept.times)  # the others take a shorter step where they do not settle
+    assert both.size > 9
+    for time in both:
+        one, other = (history.frames[int(np.argmax(history.times == time))] for history in (found, crept))
+        np.testing.assert_allclose(one.local, other.local, atol=1e-8)
+
+
+def test_a_body_that_hangs_on_glue_alone_ends_broken() -> None:
+    mesh = hv.rectangle((2.0, 1.0), (4, 2))
+    pull = {"top": lambda x, t: np.tile([0.0, t], (len(x), 1))}
+    contact = {"bottom": hv.Contact(hv.Adhesive(20.0, 0.5, 5.0, 20.0))}
+    problem = hv.ContactProblem(mesh, hv.Material.lame(40.0, 40.0), contact, {"left": "roller"}, tractions=pull)
+    history = march(Evolution(problem), 1.0, step=0.1)
+    assert history.ended == "broken"
+    assert history.moment.time == pytest.approx(0.5, abs=0.11)  # the strength of the glue
+    assert any("broken at t = " in message for message in history.messages)
+
+
+@pytest.mark.parametrize(("far", "bends"), [(0.019, False), (0.021, True)])
+def test_a_way_bends_downwards_between_two_even_places(far: float, bends: bool) -> None:
+    """Glue that softens on a thousandth of the way only, steeper than the body beside it is stiff."""
+    law = hv.Contact(hv.Adhesive(100.0, 2.0, 2.0 / 1e-5, 100.0)).law.at(None)
+    start, end = np.zeros((1, 2)), np.array([[-far, 0.0]])
+    for times in (1.0, 3.0):
+        body = np.full(barrier.PARTS, 1e3 * far**2)
+        found = barrier.bends_downwards(law, np.array([times]), start, end, times * body)
+        assert found is bends
+
+
+def test_ways_bend_as_the_laws_of_all_points_do_together() -> None:
+    """One point softens where another one hardens; against second differences of the energy on a fine grid."""
+    law = hv.Contact(hv.Adhesive(10.0, 1.0, 4.0, 10.0)).law.at(None)
+    start, end, weights = np.zeros((2, 2)), np.array([[-0.2, 0.0], [-0.05, 0.01]]), np.array([1.0, 2.0])
+    for stiff in (0.05, 0.1, 0.2):
+        body = np.full(barrier.PARTS, stiff)
+        along = np.linspace(0.0, 1.0, 20_001)
+        energy = np.array([weights @ law.value(start + t * (end - start)) for t in along]) + 0.5 * stiff * along**2
+        least = float(np.diff(energy, 2).min()) / (along[1] - along[0]) ** 2
+        found: Array = barrier.second_derivatives(law, weights, start, end, body)[0]
+        assert found.min() == pytest.approx(least, rel=1e-3, abs=1e-6)
+        assert barrier.bends_downwards(law, weights, start, end, body) == (least < 0.0)
