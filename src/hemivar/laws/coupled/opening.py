@@ -97,8 +97,8 @@ class OpeningProblem:
         if rows.size:
             k, q = piece[rows], self.slopes[rows, piece[rows]]
             before, traction = knots[rows, k - 1], self.tractions[rows, k - 1]
-            low, high = self.tractions[rows, k] / knots[rows, k], traction / before
-            m[rows] = self._roots(rows, low, high, q, traction - q * before)
+            ends = self.tractions[rows, k] / knots[rows, k], traction / before  # u rises from the less to the larger
+            m[rows] = self._roots(rows, np.minimum(*ends), np.maximum(*ends), q, traction - q * before)
         return m
 
     def minimisers(self) -> Array:
