@@ -280,7 +280,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
     ) -> DiscreteProblem:
         """With another model, loading or warnings that are known to fit: neither law nor size of the load is tried."""
         said = self.warnings if warnings is None else warnings
-        return DiscreteProblem(model or self.model, loading or self.loading, said, self._shown, True)
+        model, loading = self.model if model is None else model, self.loading if loading is None else loading
+        return DiscreteProblem(model, loading, said, self._shown, True)
 
     def on_the_same(self, model: Model) -> DiscreteProblem:
         """The problem with a model of the same body that was made before: what was shown of the one holds of it."""

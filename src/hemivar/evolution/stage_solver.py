@@ -28,7 +28,7 @@ from hemivar.certificates.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
-from hemivar.errors import MethodError
+from hemivar.errors import MethodError, ProblemError
 from hemivar.evolution.barrier import way_bends_downwards
 from hemivar.evolution.descent import TIGHT, DescentSolver, Slowed, bottom, downhill, slowed
 from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
@@ -372,7 +372,10 @@ class StageSolver:
         if not isinstance(stage.problem.bulk, Quadratic) or isinstance(self.solver, LoadStepping):
             return None
         method = None if self.solver is None else self.solver.downhill()
-        found = solve(stage.problem, method, controls, initial=start, workspace=self.workspace)
+        try:
+            found = solve(stage.problem, method, controls, initial=start, workspace=self.workspace)
+        except ProblemError:  # an energy without a lower bound may have a local minimum
+            return None
         check_interrupt(found.status)
         if found.status is Status.CONVERGED and not way_bends_downwards(stage.problem, found):
             return StageSolution(found)
