@@ -15,8 +15,7 @@ import os
 import sys
 import threading
 import weakref
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import lazy_loader
@@ -27,19 +26,14 @@ __all__ = ["IMPORTS", "Lock", "cached_property", "on_demand"]
 IMPORTS = threading.RLock()
 
 
-def on_demand(
-    package: str, file: str, removed: Mapping[str, str] = MappingProxyType({})
-) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
+def on_demand(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names are loaded when they are first used.
 
-    Which names there are, and where each comes from, stands in ``__init__.pyi`` beside the file of the package.  Names
-    that were ``removed`` are named with what replaces them.
+    Which names there are, and where each comes from, stands in ``__init__.pyi`` beside the file of the package.
     """
     attached, names, public = lazy_loader.attach_stub(package, file)
 
     def load(name: str) -> object:
-        if name in removed:
-            raise AttributeError(f"{package}.{name} was removed; {removed[name]}")
         with IMPORTS:
             return attached(name)
 

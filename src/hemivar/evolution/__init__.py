@@ -4,6 +4,4 @@ from __future__ import annotations
 
 from hemivar.basics.first_use import on_demand
 
-_MARCH = "a PlasticBond is a memory: march an Evolution of Contact(Signorini(), memory=(bond,))"
-
-__getattr__, __dir__, __all__ = on_demand(__name__, __file__, {"bonded_steps": _MARCH, "BondedStep": _MARCH})
+__getattr__, __dir__, __all__ = on_demand(__name__, __file__)

@@ -315,9 +315,3 @@ def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
 
 def marched(**contact: Any) -> hv.evolution.History:
     return hv.march(hv.Evolution(pulled((1.0, 0.0), **contact)), 0.01, step=0.01)
-
-
-@pytest.mark.parametrize("name", ["bonded_steps", "BondedStep"])
-def test_what_was_removed_says_what_to_use(name: str) -> None:
-    with pytest.raises(AttributeError, match="a PlasticBond is a memory: march"):
-        getattr(hv.evolution, name)
