@@ -27,7 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return run(argv)
     finally:
-        gc.enable()
+        if argv is None:
+            gc.enable()
 
 
 def _leave(*_: object) -> None:

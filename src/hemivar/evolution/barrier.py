@@ -24,27 +24,31 @@ PARTS = 70
 _ROUNDED, _AT_END = 1e-12, 1e-9
 #: Part of the derivatives along the way by which one that falls at once does.
 _DROPS = 1e-6
+#: Contact points that are looked at together.
+_BLOCK = 512
 #: Parts of the way that are none.
 _NONE = 1e-14
 
 
-def way_bends_downwards(problem: DiscreteProblem, found: Solution) -> bool:
-    """Whether the energy bends downwards on the way from unknowns zero to a solution, beyond rounding."""
-    bends, size = along(problem, found)
+def way_bends_downwards(problem: DiscreteProblem, found: Solution, start: Array | None = None) -> bool:
+    """Whether the energy bends downwards on the way to a solution, beyond rounding; see :func:`along`."""
+    bends, size = along(problem, found, start)
     return bool((bends < -_ROUNDED * size).any())
 
 
-def along(problem: DiscreteProblem, found: Solution) -> tuple[Array, float]:
+def along(problem: DiscreteProblem, found: Solution, start: Array | None = None) -> tuple[Array, float]:
     """Second derivatives of the energy on the way from unknowns zero to a solution, and their size.
 
-    A bound that depends on the state is the one of the solution.
+    ``start (m, c)`` are the local displacements at its beginning: other ones than those of unknowns zero where gaps
+    move meanwhile. A bound that depends on the state is the one of the solution.
     """
     way, bulk, law = found.unknowns, problem.bulk, problem.law.frozen(found.local, found.multiplier)
     if getattr(bulk, "lower", None) is bulk:  # it is linear
         body = np.full(PARTS, float(way @ bulk.gradient(way)))
     else:
         body = PARTS * np.diff([float(way @ bulk.gradient(part * way)) for part in np.linspace(0.0, 1.0, PARTS + 1)])
-    return second_derivatives(law, problem.contact.weights, -problem.offset, found.local, body, problem.vectors)
+    start = -problem.offset if start is None else start
+    return second_derivatives(law, problem.contact.weights, start, found.local, body, problem.vectors)
 
 
 def bends_downwards(
@@ -92,6 +96,10 @@ def _of_points(law: VectorLaw, weights: Array, start: Array, end: Array, places:
     middle, width, way = 0.5 * (places[:, 1:] + places[:, :-1]), np.diff(places, axis=1), end - start
     if not middle.size:
         return np.zeros(middle.shape), False
+    if len(start) > _BLOCK:
+        blocks = np.array_split(np.arange(len(start)), -(-len(start) // _BLOCK))
+        found = [_of_points(law.take(i), weights[i], start[i], end[i], places[i]) for i in blocks]
+        return np.concatenate([one for one, _ in found]), any(drops for _, drops in found)
     point = np.repeat(np.arange(len(start)), middle.shape[1])
     along = way[point]
     r, ends = start[point] + middle.reshape(-1, 1) * along, law.penetrations

@@ -106,8 +106,9 @@ class History(PickleMixin, ReprMixin):
     moment : TimeState
         Where it ended.
     ended : str
-        ``"finished"``, or what ended it before: the status of a step that could not be solved, ``"refused"`` where the
-        statement makes no sense from there on, ``"max_time"``, ``"interrupted"``, ``"margin lost"``, ``"event: NAME"``.
+        ``"finished"``, or what ended it before: the status of a step that could not be solved, ``"broken"`` where
+        contact no longer holds the body and it comes to rest nowhere, ``"refused"`` where the statement makes no sense
+        from there on, ``"max_time"``, ``"interrupted"``, ``"margin lost"``, ``"event: NAME"``.
         ``"energy made"``: it reached its end, and the scheme made more than half of the energy that loads, supports and
         the initial state gave, where that moves the body on.
     events : tuple of (time, name)

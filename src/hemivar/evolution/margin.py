@@ -54,7 +54,7 @@ def crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
     """Whether a body without viscosity and mass left its equilibrium at once in a step."""
     stages = stepper.stages
     return not stages.resists and any(
-        stages.convexity_defect(stage) >= 0.0 and way_bends_downwards(stage.problem, solution)
+        stages.convexity_defect(stage) >= 0.0 and way_bends_downwards(stage.problem, solution, stage.start)
         for stage, solution in zip(taken.stages, taken.solutions, strict=True)
     )
 

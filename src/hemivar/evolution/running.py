@@ -232,7 +232,8 @@ class TimeLoop:
         goal = next(end for end in self.ends if end > self.moment.time)
         begin = self._beginning(goal)
         if self.unsettled is not None:
-            return None, (self.unsettled.status.value,), True
+            why = self.unsettled.status
+            return None, (_BROKEN if why is Status.NOT_CARRIED else why.value,), True
         tried = self._tried(begin, goal)
         if isinstance(tried, Status):
             return None, (_BROKEN if tried is Status.NOT_CARRIED else tried.value,), True

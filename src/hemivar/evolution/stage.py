@@ -71,6 +71,13 @@ class Stage:
         return self.operator.rule
 
     @property
+    def start(self) -> Array:
+        """Local displacements (m, c) from which the way of the body leads: those it had, under gaps that move."""
+        if self.operator.predictor.of_difference:
+            return self.before.local.displacement - self.origin
+        return -self.problem.offset
+
+    @property
     def step(self) -> float:
         """Length of the whole step."""
         return self.operator.step

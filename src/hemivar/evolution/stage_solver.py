@@ -50,7 +50,7 @@ from hemivar.solvers import (
 )
 from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.newton_on_graph import FEW_ROUNDS, ROUNDS, ForceResidual, active_set_newton, stands
-from hemivar.solvers.status import check_interrupt
+from hemivar.solvers.status import STOPPED, check_interrupt
 from hemivar.systems.body import Body
 from hemivar.systems.body_on_levels import set_up
 from hemivar.systems.chain import Chain, chain_of
@@ -286,6 +286,9 @@ class StageSolver:
         controls = self.controls.within(self.controls.rtol * size)
         if jump.follows and not self.resists and (convexity_defect := self.convexity_defect(stage)) >= 0.0:
             _refuse_without_energy(stage.problem, jump)
+            at_rest = self._at_rest(stage.problem)
+            if at_rest is not None:
+                return at_rest
             self._condense(stage.problem)
             paths = JumpPaths(self.bodies, self.workspace)
             return paths.follow(stage, convexity_defect, jump, self.solver, controls)
@@ -377,14 +380,17 @@ class StageSolver:
         except ProblemError:  # an energy without a lower bound may have a local minimum
             return None
         check_interrupt(found.status)
-        if found.status is Status.CONVERGED and not way_bends_downwards(stage.problem, found):
+        if found.status in STOPPED:
+            return StageSolution(found)
+        if found.status is Status.CONVERGED and not way_bends_downwards(stage.problem, found, stage.start):
             return StageSolution(found)
         return None
 
     def _follows(self, stage: Stage, found: Solution) -> bool:
         """Whether a pair of the condensed body is a strict minimiser, with no barrier on the straight way there."""
         system = self.workspace.condensed(stage.problem, many=True)
-        return stands(system, found.local, found.multiplier) and not way_bends_downwards(stage.problem, found)
+        stable = stands(system, found.local, found.multiplier)
+        return stable and not way_bends_downwards(stage.problem, found, stage.start)
 
     def _at_rest(self, problem: DiscreteProblem) -> StageSolution | None:
         """The solution where the body is, if nothing acts there and the foundation does not push.

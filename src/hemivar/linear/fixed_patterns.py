@@ -119,7 +119,9 @@ class FixedChange:
         self.kernels, top, P = kernels, levels[-1], transfers[-1]
         shape = (top.contact.size, top.matrix.shape[0])
         rows = sp.csr_array((top.values, top.columns, top.first), shape=shape)
-        self.reach, self.images = narrow(sp.csr_array(P[top.contact])), narrow(sp.csr_array(rows @ P))
+        self.reach = narrow(sp.csr_array(P[top.contact]))
+        self.places = _Pattern.of_product(rows, P)  # SciPy leaves out sums that cancel
+        self.images = self.places.matrix(self.places.filled(kernels, narrow(rows), narrow(P)))
         inside = np.full(shape[1], -1)
         inside[top.contact] = np.arange(top.contact.size)
         column = inside[top.columns]
@@ -128,8 +130,7 @@ class FixedChange:
         starts = np.searchsorted(self.inner, top.first).astype(np.int32)
         self.between = _Pattern(top.contact.size, starts, column[self.inner].astype(np.int32))
         self.row, self.column, self.top = top.rows[self.inner], column[self.inner], top
-        self.places = _Pattern.of(self.images)
-        self.held_row = np.repeat(np.arange(shape[0]), np.diff(self.images.indptr))
+        self.held_row = np.repeat(np.arange(shape[0]), np.diff(self.places.starts))
         self.levels: list[tuple[_CoarseLevel, Array]] = []
         arriving = self.reach
         for k in range(len(levels) - 2, -1, -1):

@@ -285,7 +285,9 @@ class Truncated:
         #: What algebraic levels have not followed yet.
         self._late: tuple[BoolArray, Array] | None = None
         self.begin()
-        self._compiled = None if levels.compiled is None else CompiledTruncation(levels.compiled)
+        # Without patterns that are known the compiled levels could not follow.
+        follows = levels.compiled is not None and (not levels.algebraic or levels.fixed_change is not None)
+        self._compiled = CompiledTruncation(levels.compiled) if levels.compiled is not None and follows else None
 
     def begin(self) -> None:
         """Forget, for another solve, how far algebraic levels have followed: its bits depend on nothing before it."""
@@ -383,6 +385,8 @@ class Truncated:
         if self._compiled is None or k == 0:
             return self.cycle(k, right)
         self._cycles += 1
+        if self._late is None and not self._followed.size:  # as fresh levels that have followed what is held
+            self._followed = self._changed[self._levels.algebraic].held
         if self._late is not None and self._cycles > self._patience(self._late[0]):
             self._follow()
         self._coarse_root()

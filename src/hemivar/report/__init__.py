@@ -4,8 +4,4 @@ from __future__ import annotations
 
 from hemivar.basics.first_use import on_demand
 
-__getattr__, __dir__, __all__ = on_demand(
-    __name__,
-    __file__,
-    {"render_solution": "draw with plot_solution, or write with hemivar.files.write_vtu for ParaView"},
-)
+__getattr__, __dir__, __all__ = on_demand(__name__, __file__)

@@ -166,9 +166,9 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
     """The solution on the next coarser mesh, which starts from the one below it, and so on; and a status where the
     search for it was stopped.
 
-    Where some nodes stand for a coarser mesh, laws whose force falls do without it: what it finds may choose the
-    branch.  A level on which contact does not hold the body, or whose solution has more energy here than rest, is
-    passed over.
+    Where some nodes stand for a coarser mesh, laws whose force falls at rest do without it: what it finds may choose
+    the branch.  Friction that softens under a bound which is zero at rest starts there all the same.  A level on which
+    contact does not hold the body, or whose solution has more energy here than rest, is passed over.
 
     ``rough, direct``: what solves on coarser meshes: on levels, and on a body that is small enough to be condensed,
     where it ends.
