@@ -26,7 +26,7 @@ from tests.bounds.test_joined_bodies import contact, opened, two
 from tests.composition.cases import BODIES
 from tests.composition.rules import matching
 
-DOCS = Path(__file__).parents[3] / "docs" / "bounds.md"
+DOCS = Path(__file__).parents[2] / "docs" / "bounds.md"
 RUBS = hv.Contact(hv.Compliance(500.0), hv.Tresca(0.3))
 COULOMB = hv.Contact(hv.Compliance(500.0), hv.Coulomb(0.3))
 SOFTENS = hv.Contact(hv.Softening(500.0, 2e-3, 20.0))

@@ -158,7 +158,7 @@ def test_every_way_to_the_break_takes_the_energy_of_the_mode_of_onset(name: str,
     components = 2 + seed % 2
     corners = np.vstack([np.zeros(components), random.normal(scale=0.25, size=(8, components))])
     corners[-2:] = [[-2.0] + [0.5] * (components - 1), [-2.0] + [-1.0] * (components - 1)]
-    parts = np.linspace(0.0, 1.0, 30, endpoint=False)[:, None]
+    parts = np.linspace(0.0, 1.0, 60, endpoint=False)[:, None]
     way = np.vstack([one + parts * (other - one) for one, other in itertools.pairwise(corners)])
     state, place = memory.start(law, way[:1]), way[:1]
     lam, lost, work, mode = np.zeros((1, components)), 0.0, 0.0, -1.0

@@ -321,7 +321,8 @@ import sys
 import numpy as np
 import hemivar as hv
 from hemivar.errors import FileError
-from hemivar.evolution import Checkpoint, Evolution, March, marching
+from hemivar.evolution import Checkpoint, Evolution, March
+from hemivar.evolution.march import marching
 
 pad = [object() for _ in range({pad})]
 level = {level}

@@ -47,7 +47,7 @@ def test_contact_with_coulomb_friction_costs_three(size: float) -> None:
     found = solved(size, Coulomb(0.2))
     assert found.method == "semismooth-multigrid"
     assert found.fallbacks == 0
-    assert found.steps <= 12  # rounds of less accuracy: what they cost is told by the cycles
+    assert found.steps <= 14  # rounds of less accuracy: what they cost is told by the cycles
     assert found.evaluations <= 3 * LINEAR
     if size > 3.0:
         assert found.normal_force == pytest.approx(force_by_newton(found), rel=1e-7)

@@ -7,13 +7,16 @@ import os
 from ctypes import c_double, c_int, c_int64, c_void_p
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import DTypeLike
 
 from hemivar.basics.machine import cores
 from hemivar.basics.types import AnyArray, Array
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
