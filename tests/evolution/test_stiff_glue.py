@@ -178,3 +178,27 @@ def test_ways_bend_as_the_laws_of_all_points_do_together() -> None:
         found: Array = barrier.second_derivatives(law, weights, start, end, body)[0]
         assert found.min() == pytest.approx(least, rel=1e-3, abs=1e-6)
         assert barrier.bends_downwards(law, weights, start, end, body) == (least < 0.0)
+
+
+@pytest.mark.parametrize("steps", [2, 4, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_gap_that_opens_is_a_support_that_moves_away(steps: int) -> None:
+    """The glue opens by the same, and no step is a jump."""
+    sides, opened = {"left": hv.Fixed(x=0.0), "right": hv.Fixed(x=0.0)}, []
+    for gap, top in (
+        (lambda x, t: np.full(len(x), 0.082 * t), hv.Clamped()),
+        (0.0, hv.Prescribed(lambda x, t: np.column_stack([0.0 * x[:, 0], 0.082 * t + 0.0 * x[:, 0]]))),
+    ):
+        contact = {"bottom": hv.Contact(hv.Adhesive(20.0, 0.4, 0.4 / 0.06, 20.0), gap=gap)}
+        problem = hv.ContactProblem(
+            hv.rectangle((1.0, 0.5), (2, 4)), hv.Material.lame(1.0, 1.0), contact, {"top": top, **sides}
+        )
+        history = march(Evolution(problem), 1.0, step=1.0 / steps)
+        assert history.finished
+        assert not history["jumped"].any()
+        opened.append(history.frames[-1].local[:, 0])
+    np.testing.assert_allclose(*opened, rtol=1e-6)
+
+
+def test_a_step_that_softens_keeps_to_its_time() -> None:
+    evolution = pulled(LAWS["adhesive"], 2.0)
+    assert march(evolution, 1.0, step=0.5, controls=hv.Controls(max_time=1e-9)).ended == "max_time"
