@@ -37,7 +37,7 @@ LINES: dict[str, int] = {
     "solvers": 3079,
     "studio": 1341,
     "survey": 1470,
-    "systems": 2331,
+    "systems": 2334,
     "templates": 325,
     "workflows": 1580,
 }

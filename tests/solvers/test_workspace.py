@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import gc
 import importlib
 import threading
+import weakref
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -238,3 +240,13 @@ def test_what_differs_is_checked_as_the_constructor_does() -> None:
         problem.with_(offset=np.zeros((problem.contact_points, 1)))
     with pytest.raises(hv.errors.ProblemError, match="the bulk of a discrete problem is 3"):
         problem.with_(bulk=3)  # type: ignore[arg-type]
+
+
+def test_a_body_that_is_forgotten_is_held_by_nothing() -> None:
+    workspace, problem = hv.systems.Workspace(1), discrete_square(n=4)
+    hv.solve(problem, workspace=workspace)
+    held = weakref.ref(problem.model)
+    workspace.condensed(discrete_square(n=6))
+    del problem
+    gc.collect()
+    assert held() is None

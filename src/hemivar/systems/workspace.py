@@ -142,7 +142,10 @@ class Workspace:
 
     def _shelf(self, model: Model) -> _Shelf:
         with self._lock:
-            return _recent(self._of_models, model, self._bodies)
+            shelf, known = _recent(self._of_models, model, self._bodies), {id(one) for one in self._of_models}
+            for key in [key for key in self._of_foundations if key[0] not in known]:
+                del self._of_foundations[key]  # they would hold a body that is forgotten
+            return shelf
 
     def _shelf_of_content(self, what: str, arrays: tuple[AnyArray, ...]) -> _Shelf:
         digest = hashlib.sha256(what.encode())
