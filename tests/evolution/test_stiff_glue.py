@@ -101,22 +101,6 @@ def test_a_jump_of_stiff_glue_costs_tens_of_static_solves(name: str, solves: lis
     assert -history.frames[-1].local[0, 0] > 10.0 * LAST
 
 
-def test_a_march_without_memory_is_on_the_load_path_before_its_first_fold() -> None:
-    problem = pulled(LAWS["without memory"], 2.0).problem
-    path = hv.follow_path(problem.at_time(1.0))
-    fold = path.load_factor[int(np.argmax(np.diff(path.load_factor) < 0.0))]
-    assert 0.5 < fold < 1.0
-    history = march(Evolution(problem), 0.95 * fold, step=0.95 * fold / 6.0)
-    assert history.finished
-    softened = 0
-    for time, frame in zip(history.times[1:], history.frames[1:], strict=True):
-        there, stable = path.at(float(time))[0]
-        assert stable
-        np.testing.assert_allclose(frame.local, there, atol=1e-8 * np.abs(there).max())
-        softened += bool(frame.local[:, 0].min() < -FIRST)
-    assert softened >= 1
-
-
 @pytest.mark.parametrize("seed", [0, 2, slow(1), slow(3), slow(4)])
 def test_where_the_walk_ends_the_state_is_that_of_short_steps(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Random strips on glue, moved until it has let go: by steps that grow, and by those of a viscosity."""

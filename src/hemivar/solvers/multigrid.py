@@ -167,7 +167,7 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
     search for it was stopped.
 
     Where some nodes stand for a coarser mesh, laws whose force falls at rest do without it: what it finds may choose
-    the branch.  Friction that softens under a bound which is zero at rest starts there all the same.  A level on which
+    the branch.  Friction that softens under a bound which is zero at rest starts there, too.  A level on which
     contact does not hold the body, or whose solution has more energy here than rest, is passed over.
 
     ``rough, direct``: what solves on coarser meshes: on levels, and on a body that is small enough to be condensed,
