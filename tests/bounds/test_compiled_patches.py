@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -35,6 +32,7 @@ from hemivar.mechanics import Clamped, ContactProblem
 from hemivar.mesh import box, rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
+from tests.kernels.test_kernels import printed_by_threads
 from tests.samples import sampled, slow
 
 from .admissibility import imbalance
@@ -344,16 +342,7 @@ print(threads(), file=sys.stderr)
 @built
 @pytest.mark.parametrize("counts", [("1", "3"), slow(("1", "2", "3"))], ids=",".join)
 def test_bits_of_patches_do_not_depend_on_the_number_of_threads(counts: tuple[str, ...]) -> None:
-    outputs = set()
-    for count in counts:
-        environment = os.environ | {"HEMIVAR_NUM_THREADS": count, "HEMIVAR_KERNELS": "auto", "OMP_NUM_THREADS": "1"}
-        run = subprocess.run(
-            [sys.executable, "-c", _RUN], env=environment, capture_output=True, text=True, timeout=300, check=False
-        )
-        assert run.returncode == 0, run.stderr
-        assert run.stderr.split() == [count]
-        outputs.add(run.stdout)
-    assert len(outputs) == 1
+    assert len(printed_by_threads(_RUN, counts)) == 1
 
 
 def _arrays() -> tuple[dict[str, Array], dict[str, Array], CompiledPatches, PatchOrder]:

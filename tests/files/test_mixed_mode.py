@@ -8,6 +8,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.laws import MixedMode
+from tests.files.mistakes import refused
 from tests.laws.coupled.test_mixed_mode import block
 
 FILE = """
@@ -63,7 +64,4 @@ def test_problem_files_state_it(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_in_files_are_named(tmp_path: Path, there: str, instead: str, words: str) -> None:
-    path = tmp_path / "glued.toml"
-    path.write_text(FILE.replace(there, instead))
-    with pytest.raises(hv.errors.ProblemError, match=words):
-        hv.discretize(hv.read_problem(path))
+    refused(FILE.replace(there, instead), tmp_path / "glued.toml", words)

@@ -7,7 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -176,19 +176,24 @@ print(threads(), file=sys.stderr)
 """
 
 
-@built
-@pytest.mark.parametrize("counts", [("1", "5"), slow(("1", "2", "5"))], ids=",".join)
-def test_bits_do_not_depend_on_the_number_of_threads(counts: tuple[str, ...]) -> None:
+def printed_by_threads(code: str, counts: Iterable[str]) -> set[str]:
+    """What processes with so many threads print of their results; on standard error each says how many it has."""
     outputs = set()
     for count in counts:
         environment = os.environ | {"HEMIVAR_NUM_THREADS": count, "HEMIVAR_KERNELS": "auto", "OMP_NUM_THREADS": "1"}
         run = subprocess.run(
-            [sys.executable, "-c", _RUN], env=environment, capture_output=True, text=True, timeout=300, check=False
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=300, check=False
         )
         assert run.returncode == 0, run.stderr
         assert run.stderr.split() == [count]
         outputs.add(run.stdout)
-    assert len(outputs) == 1
+    return outputs
+
+
+@built
+@pytest.mark.parametrize("counts", [("1", "5"), slow(("1", "2", "5"))], ids=",".join)
+def test_bits_do_not_depend_on_the_number_of_threads(counts: tuple[str, ...]) -> None:
+    assert len(printed_by_threads(_RUN, counts)) == 1
 
 
 _FORK = """
