@@ -813,3 +813,17 @@ def test_a_name_of_a_room_says_in_which_room_it_is() -> None:
 def test_versions_agree() -> None:
     assert PROJECT["project"]["version"] == hemivar.__version__
     assert f"[{hemivar.__version__}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_tests_are_found_by_the_name_of_what_they_test() -> None:
+    """``test_MODULE.py`` or ``test_MODULE_WHAT.py``: four of five; others test pages, the whole, or many modules."""
+    modules = {path.stem.strip("_") for path in PACKAGE.rglob("*.py")} | {path.stem for path in PACKAGE.rglob("*.cpp")}
+
+    def module_of(test: Path) -> str | None:
+        words = test.stem.removeprefix("test_").split("_")
+        heads = ("_".join(words[:count]) for count in range(len(words), 0, -1))
+        return next((head for head in heads if head in modules), None)
+
+    files = list((ROOT / "tests").rglob("test_*.py"))
+    lost = [str(test.relative_to(ROOT)) for test in files if module_of(test) is None]
+    assert len(lost) <= 0.2 * len(files), lost

@@ -257,7 +257,7 @@ def test_press_fit_is_lame_of_second_order() -> None:
     assert found["around_axis"] == pytest.approx(54.08653846, rel=5e-4)
 
 
-@pytest.mark.slow  # by default a block that its weight holds does (tests/branches/test_limit_load.py)
+@pytest.mark.slow  # by default a block that its weight holds does (tests/branches/test_path_limit_load.py)
 def test_a_retaining_wall_slides_and_topples_where_statics_says() -> None:
     found = run("retaining_wall")
     area, push = 4.0 * (3.2 + 1.0) / 2.0, 9.81 * 4.0**2 / 2.0

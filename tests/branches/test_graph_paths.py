@@ -13,7 +13,7 @@ from hemivar.branches.path import PathEnd
 from hemivar.laws import ContactLaw, VectorLaw
 from tests.samples import sampled, slow
 
-from .test_peel import load_where, pair
+from .test_path_peel import load_where, pair
 
 L = hv.laws
 

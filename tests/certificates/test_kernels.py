@@ -19,7 +19,7 @@ from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scal
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 from tests.certificates.problems import bar_problem, bar_unknowns, square, weakening
-from tests.systems.test_in_parts import in_parts
+from tests.systems.test_contact_moves_in_parts import in_parts
 
 
 def positive(n: int, seed: int) -> Array:

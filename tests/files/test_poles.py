@@ -6,7 +6,7 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import parse_problem
-from tests.files.test_derivative_formulas import FILE
+from tests.files.test_problem_file_derivative_formulas import FILE
 
 
 def test_files_with_a_pole_are_refused_with_the_place_in_the_file() -> None:

@@ -139,8 +139,9 @@ def test_moved() -> None:
     for wrong in (0.0, -1.0, math.nan):
         with pytest.raises(ProblemError, match="positive"):
             mesh.scaled(wrong)
-    with pytest.raises(ProblemError, match="determinant"):
-        mesh.moved([[1, 0], [0, -1]])
+    for turned_over_or_flat in ([[1, 0], [0, -1]], [[1, 1], [1, 1]], np.zeros((2, 2))):
+        with pytest.raises(ProblemError, match="determinant"):
+            mesh.moved(turned_over_or_flat)
     with pytest.raises(ProblemError, match="plane meshes"):
         cube().rotated(1.0)
 

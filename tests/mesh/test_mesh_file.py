@@ -59,6 +59,13 @@ def test_cells_of_other_formats_are_checked(cells: list, tmp_path: Path) -> None
         read_mesh(path)
 
 
+def test_negative_numbers_of_nodes_do_not_count_from_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "part.xdmf"
+    meshio.xdmf.write(path, meshio.Mesh(SQUARE, [("triangle", np.array([[0, 1, -1]]))]), data_format="XML")
+    with pytest.raises(ProblemError, match="refers to a node that is not in it"):
+        read_mesh(path)
+
+
 def test_coordinates_of_other_formats_are_checked(tmp_path: Path) -> None:
     path = tmp_path / "part.vtu"
     meshio.Mesh(SQUARE * [[np.nan], [1], [1], [1]], [("triangle", CELLS)]).write(path)

@@ -23,7 +23,7 @@ from hemivar.report import plot_adaptive, plot_meshes, save
 from hemivar.report.tables import adaptive_table
 from tests import bodies
 
-from .test_figures import texts
+from .test_picture_figures import texts
 
 
 def estimated(discrete: hv.DiscreteProblem, workspace: hv.systems.Workspace) -> TraceBounds:

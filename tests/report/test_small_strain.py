@@ -12,7 +12,7 @@ from hemivar.fem import deformation
 from hemivar.report import plot_contact, plot_solution
 from tests.branches.test_small_strain import shelf
 from tests.fem.test_small_strain import field, meshes
-from tests.report.test_figures import texts
+from tests.report.test_picture_figures import texts
 
 
 def test_a_soft_shelf_warns_and_a_stiff_one_does_not(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ from hemivar.systems import CondensedProblem, Workspace
 
 from ..counting import time_by_looks
 from ..problems import bar, discrete_square, relative_difference
-from .test_interruption import stopped
+from .test_controls_interruption import stopped
 
 #: The module, whose name is that of a function of its package, too.
 SOLVING = importlib.import_module("hemivar.solvers.solve")

@@ -13,7 +13,7 @@ from hemivar.files import read_solution, solution_record
 from hemivar.files.record import read_json
 from hemivar.solvers import Solution
 
-from .test_figures import texts
+from .test_picture_figures import texts
 
 
 def test_dictionary_and_json(plane: Solution, tmp_path: Path) -> None:

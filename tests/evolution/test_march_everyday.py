@@ -10,7 +10,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from tests.solvers import test_everyday as everyday
+from tests.solvers import test_solve_everyday as everyday
 
 PROBLEMS = {kind.__name__: kind for kind in everyday.KINDS}
 KINDS = list(PROBLEMS)

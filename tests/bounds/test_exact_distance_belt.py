@@ -8,7 +8,7 @@ import hemivar as hv
 from hemivar.bounds import exact_distance
 from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
 from hemivar.laws import Tresca
-from tests.fem.test_belt import FRICTION, LIMIT, PRESSURE, SHEAR, block
+from tests.fem.test_supports_belt import FRICTION, LIMIT, PRESSURE, SHEAR, block
 
 
 def test_the_guaranteed_distance_counts_the_belt() -> None:

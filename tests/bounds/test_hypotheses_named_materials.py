@@ -7,7 +7,7 @@ import numpy as np
 import hemivar as hv
 from hemivar.bounds.body_data import body_data
 from hemivar.bounds.hypotheses import inexact_data, stated_conditions
-from tests.mechanics.test_named_materials import every
+from tests.mechanics.test_named_energies_by_hand import every
 
 
 def test_what_is_shown_up_to_a_reach_is_a_condition_of_the_distance() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from tests.evolution.test_everyday_marches import KINDS, drawn, seeds
+from tests.evolution.test_march_everyday import KINDS, drawn, seeds
 from tests.samples import slow
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 import hemivar as hv
 from hemivar.evolution import Evolution, march
-from tests.evolution.test_stiff_glue import FIRST, LAWS, pulled
+from tests.evolution.test_walk_stiff_glue import FIRST, LAWS, pulled
 
 
 def test_a_march_without_memory_is_on_the_load_path_before_its_first_fold() -> None:

@@ -11,7 +11,7 @@ from hemivar.certificates.smallness import one_solution
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, PenetrationBound, Superpotential
 from hemivar.solvers import solve
-from tests.certificates.test_sampled import one_point
+from tests.certificates.test_certificate_sampled_constants import one_point
 from tests.samples import slow
 
 STEP = "6e-4*(1 + tanh((s - 1)/3e-4))"

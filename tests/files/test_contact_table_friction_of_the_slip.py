@@ -9,7 +9,7 @@ import pytest
 import hemivar as hv
 from hemivar.files import read_problem, write_problem
 from hemivar.laws import SlipMeasure
-from tests.evolution.test_friction_of_the_slip import pulled
+from tests.evolution.test_step_laws_friction_of_the_slip import pulled
 
 
 @pytest.mark.parametrize("of", list(SlipMeasure))

@@ -18,7 +18,7 @@ from hemivar.report import plot_contact, plot_solution, save
 from hemivar.report.bodies import sharp_edges, viewing_direction
 from hemivar.solvers import Solution, TangentialState, solve
 
-from .test_figures import texts
+from .test_picture_figures import texts
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hemivar.files.sweep_point import SweepPoint
-from tests.certificates.test_without_energy import FIXED
+from tests.certificates.test_wording_without_energy import FIXED
 
 
 def test_a_sweep_counts_minima_of_energies_only() -> None:

@@ -12,7 +12,7 @@ import pytest
 import hemivar as hv
 from hemivar.files import write_csv, write_json, write_vtu
 from hemivar.laws import BilinearCohesion, MixedMode, Signorini, Tresca
-from tests.laws.coupled.test_debonding import ENERGY, LAST, RATIO, STIFFNESS, STRENGTH, curve
+from tests.laws.coupled.test_opening_debonding import ENERGY, LAST, RATIO, STIFFNESS, STRENGTH, curve
 
 
 def glued() -> hv.ContactProblem:

@@ -10,7 +10,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import MixedMode
-from tests.laws.coupled.test_against_brute_force import random_law
+from tests.laws.coupled.test_mixed_mode_against_brute_force import random_law
 
 
 def random_body(random: np.random.Generator) -> DiscreteProblem:

@@ -9,7 +9,7 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import parse_problem
-from tests.mesh.test_names import abaqus, length, nodes
+from tests.mesh.test_abaqus_and_nastran_names import abaqus, length, nodes
 
 
 def test_groups_that_lie_partly_inside_make_a_boundary_and_an_interface(tmp_path: Path) -> None:

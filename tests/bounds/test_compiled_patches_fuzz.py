@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.kernels import test_fuzz
+from tests.kernels import test_mesh_sums_fuzz
 from tests.samples import slow
 
 _FUZZ_PATCHES = """
@@ -95,8 +95,8 @@ print(raised, done)
 """
 
 
-@test_fuzz.built
+@test_mesh_sums_fuzz.built
 @pytest.mark.parametrize("seed", [1, slow(2)])
 @pytest.mark.parametrize(("script", "turns"), [(_FUZZ_PATCHES, 2000), (_FUZZ_STARS, 1000)], ids=["patches", "stars"])
 def test_no_wrong_array_ends_the_process(script: str, turns: int, seed: int) -> None:
-    test_fuzz.test_no_wrong_array_ends_the_process(script, turns, seed)
+    test_mesh_sums_fuzz.test_no_wrong_array_ends_the_process(script, turns, seed)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import hemivar as hv
 from hemivar.evolution import Midpoint, march
-from tests.evolution.test_end_forces import pressed
+from tests.evolution.test_history_end_forces import pressed
 
 
 def test_files_tell_the_time_of_forces(tmp_path: Path) -> None:

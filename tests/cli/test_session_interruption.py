@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 
 from tests.problem_files import block_file
-from tests.solvers.test_interruption import needs_linux, start
+from tests.solvers.test_controls_interruption import needs_linux, start
 
 
 @needs_linux

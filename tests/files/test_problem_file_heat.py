@@ -15,7 +15,7 @@ from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import ProblemFile, parse_problem_file
 from hemivar.mechanics.thermal import Heat, HeatContact
 from hemivar.workflows.marching import evolution_of
-from tests.evolution.test_heat import RICH, body, two_blocks
+from tests.evolution.test_thermal_stepper import RICH, body, two_blocks
 
 
 def test_a_file_of_two_bodies_with_heat(tmp_path: Path) -> None:

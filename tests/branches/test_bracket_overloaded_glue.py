@@ -9,7 +9,7 @@ from hemivar.branches.path import PathEnd
 from hemivar.mesh import Mesh
 from hemivar.solvers import solve
 from tests.samples import slow
-from tests.solvers.test_overloaded_glue import GLUES, PLANE, SPACE, STRENGTH, block
+from tests.solvers.test_status_overloaded_glue import GLUES, PLANE, SPACE, STRENGTH, block
 
 
 @pytest.mark.parametrize("glue", GLUES)

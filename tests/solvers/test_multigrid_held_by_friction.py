@@ -15,7 +15,7 @@ from hemivar.solvers.handing_on import others
 from hemivar.systems.body_on_levels import levels_of, set_up
 from hemivar.systems.workspace import Workspace
 
-from .test_semicoercive import _mesh
+from .test_sliding_semicoercive import _mesh
 
 ON_LEVELS = NonsmoothMultigrid()
 FROZEN = FixedPoint(ON_LEVELS)

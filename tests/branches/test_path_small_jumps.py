@@ -15,7 +15,7 @@ from hemivar.evolution import Evolution, march
 from hemivar.solvers import NonsmoothMultigrid, Solver
 from tests import bodies
 from tests.evolution.messages import said_of
-from tests.evolution.test_small_jumps import DELTA, FALL, KAPPA, LAW, STIFF, cycle, pushed_block
+from tests.evolution.test_jumps_small import DELTA, FALL, KAPPA, LAW, STIFF, cycle, pushed_block
 from tests.samples import slow
 
 STRENGTH = 0.5 * STIFF * DELTA**2 + 0.5 * (STIFF * DELTA) ** 2 / FALL

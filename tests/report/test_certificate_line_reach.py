@@ -10,7 +10,7 @@ from hemivar.certificates.smallness import one_solution
 from hemivar.laws import FormulaLaw
 from hemivar.report import plot_certificate
 from hemivar.report.notebook import html_of
-from tests.certificates.test_reach import certified, one_point
+from tests.certificates.test_bound_reach import certified, one_point
 
 
 def test_every_output_says_so() -> None:

@@ -17,7 +17,7 @@ from tests import bodies
 from tests.samples import slow
 
 from ..problems import bar
-from ..solvers.test_glued_bodies import lever, pulled
+from ..solvers.test_solve_glued_bodies import lever, pulled
 from .test_solutions import softening
 
 

@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import parse_problem
-from tests.laws.test_derivative_formulas import PAIRS
+from tests.laws.test_own_derivative_formulas import PAIRS
 
 FILE = """
 [mesh]

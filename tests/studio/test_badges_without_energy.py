@@ -12,7 +12,7 @@ from hemivar.laws import BenzeggaghKenane, ModeDependentGlue
 from hemivar.mechanics import Contact
 from hemivar.studio.badges import badge_of
 from tests import bodies
-from tests.certificates.test_without_energy import FIXED, FRICTIONS, pressed
+from tests.certificates.test_wording_without_energy import FIXED, FRICTIONS, pressed
 
 
 def said(solution: hv.Solution) -> str:

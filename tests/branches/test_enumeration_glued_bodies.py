@@ -11,7 +11,7 @@ import hemivar as hv
 from hemivar.discrete.held_at_rest import NO_MINIMUM
 from hemivar.discrete.point_kind import PointKind
 from hemivar.solvers import METHODS
-from tests.solvers.test_glued_bodies import lever
+from tests.solvers.test_solve_glued_bodies import lever
 
 
 def test_an_equilibrium_is_found_up_to_the_fold_of_the_path() -> None:
