@@ -240,8 +240,6 @@ def parse_problem_file(
     supports = read_supports(top, mesh, of_one)
     contact = read_contacts(top, mesh, folder, of_one)
     time, output = _read_in_time(top, mesh, material.inert, field)
-    if stated.order == 2 and mesh.dim == 3 and contact and not of_one:
-        raise table.error("order", "contact in 3D needs elements of order 1; write order = 1")
     if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
         raise table.error(
             "quadrature",

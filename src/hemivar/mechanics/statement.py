@@ -364,14 +364,10 @@ class ContactProblem(PickleMixin, ReprMixin):
             self._check_contact(name, contact)
         if self.areas and self.material.axisymmetric:
             raise ProblemError("plane = 'axisymmetric' has no contact over an area; leave it out")
-        if self.order == 2 and (self.areas or (self.kind and self.contact and self.mesh.dim == 3)):
+        if self.order == 2 and self.areas:
             raise ProblemError(
-                "contact over an area (or on a boundary in 3D) is not available with elements of order 2, "
-                "whose corner weights vanish; use order = 1"
-            )
-        if self.contact and self.order == 2 and self.mesh.dim == 3:
-            raise ProblemError(
-                "contact with elements of order 2 in 3D is not available (corner weights vanish); use order = 1"
+                "contact over an area is not available with elements of order 2, whose corner weights vanish; use "
+                "order = 1"
             )
         midpoint = self.quadrature is Quadrature.MIDPOINT
         if self.kind and midpoint:
