@@ -135,21 +135,26 @@ def _pivots(trace: sp.csr_array, own: IntArray, node: IntArray) -> IntArray:
     blocks = np.zeros((int(place.max(initial=-1)) + 1, int(slot.max(initial=-1)) + 1, 3))
     blocks[place[row], slot[row], column - first[row]] = entries.data[local]
     picked = _picked(blocks)[place, slot]
-    return _elsewhere(np.where(picked < 0, -1, first + picked), trace, ~local)
+    return _elsewhere(np.where(picked < 0, -1, first + picked), trace, ~local, node)
 
 
-def _elsewhere(pivot: IntArray, trace: sp.csr_array, elsewhere: BoolArray) -> IntArray:
-    """Pivots with the largest of the entries ``elsewhere``, shape (nnz,), that is left for rows that have none."""
+def _elsewhere(pivot: IntArray, trace: sp.csr_array, elsewhere: BoolArray, node: IntArray) -> IntArray:
+    """Pivots with the largest of the entries ``elsewhere``, shape (nnz,), that is left for rows that have none.
+
+    Each is at a node without another pivot: two rows may see a node along one direction, by different unknowns.
+    """
     entries, out = trace.tocoo(), pivot.copy()
     for _ in range(_TRIES):
-        left = elsewhere & (out[entries.row] < 0) & (np.abs(entries.data) > _OWN) & ~np.isin(entries.col, out)
+        taken = np.isin(node[entries.col], node[out[out >= 0]])
+        left = elsewhere & (out[entries.row] < 0) & (np.abs(entries.data) > _OWN) & ~taken
         if not left.any():
             break
         row, column, size = entries.row[left], entries.col[left], np.abs(entries.data[left])
         order = np.lexsort((-size, row))
         row, first = np.unique(row[order], return_index=True)
-        column, kept = np.unique(column[order][first], return_index=True)
-        out[row[kept]] = column
+        column = column[order][first]
+        _, kept = np.unique(node[column], return_index=True)
+        out[row[kept]] = column[kept]
     return out
 
 
