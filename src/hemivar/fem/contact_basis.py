@@ -3,8 +3,8 @@
 The integrals of the quadratic functions of the corners of a triangle vanish.  With a part of those of the middles
 beside, ``phi_v + alpha sum phi_e`` at corners and ``(1 - 2 alpha) phi_e`` at middles, all are positive (Popp, Wohlmuth,
 Gitterle, Wall, Dual quadratic mortar finite element methods for 3D finite deformation contact, 2012).  The functions
-span the same space and sum to one.  The value that belongs to a corner is that of the field; to the middle of an edge ab
-belongs ``(u_e - alpha (u_a + u_b)) / (1 - 2 alpha)``, which is the value of a linear field there.
+span the same space and sum to one.  The value that belongs to a corner is that of the field; to the middle of an edge
+ab belongs ``(u_e - alpha (u_a + u_b)) / (1 - 2 alpha)``, which is the value of a linear field there.
 """
 
 from __future__ import annotations
