@@ -143,9 +143,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     return replace(step, problem=step.posed(problem))
 
 
-def _pairs(
-    problem: DiscreteProblem, interpolation: sp.csr_array, nodal: sp.csr_array
-) -> dict[str, BoundaryContact]:
+def _pairs(problem: DiscreteProblem, interpolation: sp.csr_array, nodal: sp.csr_array) -> dict[str, BoundaryContact]:
     """Contact points of two bodies on the coarser mesh, by boundary.
 
     They are those of the finer mesh at the nodes that both meshes have: a jump of coarse displacements is what the

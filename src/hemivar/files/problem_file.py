@@ -429,6 +429,8 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     recipe = problem.mesh.recipe
     if recipe is not None and files is not None and difference(problem.mesh, recipe.build(), "mesh"):
         recipe = None  # the mesh was changed by replace(), or its file is another one by now
+    if problem.order == 1 and problem.mesh.dim == 3 and problem.mesh.suggested_order == 2:
+        recipe = None  # its file would be read for linear elements, and cut
     if recipe is None:
         if files is None:
             can = "rectangles, boxes and mesh files, scaled and then refined: beside=True writes the mesh as a file"
