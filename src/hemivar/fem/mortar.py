@@ -2,8 +2,8 @@
 
 On each facet F of the slave the functions ``psi = A phi`` are biorthogonal to the functions phi of contact
 (:mod:`hemivar.fem.contact_basis`), ``A = D M^-1`` with the mass matrix M of the part of F that the master covers and D
-the diagonal of its row sums.  A node that gives no
-multiplier hands its function on to the others of the facet in equal parts, so that they still sum to one.
+the diagonal of its row sums.  A node that gives no multiplier, or would have no positive weight where the master covers
+little around it, hands its function on to the others of the facet in equal parts, so that they still sum to one.
 """
 
 from __future__ import annotations
@@ -104,6 +104,8 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     mass = np.zeros((len(slave), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
     none, count = weightless(mesh, slave, order, ring), len(mesh.nodes(order))
+    around = np.bincount(own.ravel(), facet_shares(mesh, slave, order, ring).ravel(), count)
+    none |= np.bincount(own.ravel(), mass.sum(axis=2).ravel(), count) <= _COVERED * around
     without, seen = without | none[own], np.flatnonzero(pieces.touches)
     dual = np.zeros_like(mass)
     dual[seen] = _dual(mass[seen], without[seen])
@@ -114,7 +116,6 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     there = np.einsum("kq,kqi,kql->kil", weight, psi, across)
     matrix = _assembled(own, own, here, count) - _assembled(own[pieces.slave], other[pieces.master], there, count)
     weights: Array = np.bincount(own.ravel(), here.sum(axis=2).ravel(), count).astype(float)
-    around = np.bincount(own.ravel(), facet_shares(mesh, slave, order, ring).ravel(), count)
     nodes = np.flatnonzero(~none & (weights > _COVERED * around))
     rows = sp.diags_array(1.0 / weights[nodes]) @ sp.csr_array(matrix)[nodes]
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
