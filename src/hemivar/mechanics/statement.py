@@ -163,8 +163,9 @@ class ContactProblem(PickleMixin, ReprMixin):
     order: int = field(
         default=None,  # type: ignore[assignment]  # it is a number once the problem is made
         metadata=stated(
-            Form.WHOLE, "1: linear elements; 2: quadratic ones (contact in 3D needs 1)", least=1, most=2, table="mesh",
-            left_out="`1`; `2` for plane mesh files of second order with straight edges",
+            Form.WHOLE, "1: linear elements; 2: quadratic ones", least=1, most=2, table="mesh",
+            left_out="`1`; `2` for mesh files of tetrahedra of second order, and of plane cells of second order with "
+            "straight edges",
         ),
     )  # fmt: skip
     quadrature: Quadrature = field(
