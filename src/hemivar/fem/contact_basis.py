@@ -16,7 +16,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.fem.elements import shape_values
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["contact_shapes", "seen_values"]
+__all__ = ["contact_shapes", "nodal_values", "seen_values"]
 
 #: With it the weight of a corner is 2/15 of the triangle, and that of a middle 1/5.
 _ALPHA = 0.2
@@ -36,6 +36,19 @@ def contact_shapes(order: int, barycentric: Array) -> Array:
     """
     shapes = shape_values(order, barycentric)
     return shapes @ _CHANGE.T if shapes.shape[-1] == len(_CHANGE) else shapes
+
+
+def nodal_values(mesh: Mesh, order: int, nodes: IntArray, seen: Array) -> Array:
+    """A field at nodes (k,) by the values (k,) seen there; these where an end of the edge is not among the nodes."""
+    found, place = seen.copy(), np.full(len(mesh.nodes(order)), -1)
+    if order == 2 and mesh.dim == 3:
+        place[nodes] = np.arange(len(nodes))
+        middle = np.flatnonzero(nodes >= mesh.number_of_nodes)
+        ends = place[mesh.edges[nodes[middle] - mesh.number_of_nodes]]
+        both = (ends >= 0).all(axis=1)
+        at = middle[both]
+        found[at] = (1.0 - 2.0 * _ALPHA) * seen[at] + _ALPHA * seen[ends[both]].sum(axis=1)
+    return found
 
 
 def seen_values(mesh: Mesh, order: int, nodes: IntArray) -> sp.csr_array:
