@@ -160,3 +160,17 @@ def test_arcs_that_touch_at_the_middle_of_an_edge_do_not_overlap() -> None:
     lowest = 0.5 * 2 * 0.15**2
     assert found.gap.min() < -0.4 * lowest
     assert not [said for said in found.warnings if "overlap" in said]
+
+
+def test_cycles_are_about_those_of_linear_elements_of_the_same_nodes() -> None:
+    contact = {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(0.5))}
+    counts = []
+    for cells, order in ((4, 2), (8, 1)):
+        mesh, held = hv.box((1.0, 1.0, 1.0), cells), {"left": hv.Clamped()}
+        problem = hv.ContactProblem(
+            mesh, hv.Material.young(YOUNG, 0.3), contact, held, body_force=(1.0, 0.5, -10.0), order=order
+        )
+        solution = hv.solve(problem, "multigrid")
+        assert solution.status is hv.Status.CONVERGED
+        counts.append(solution.evaluations)
+    assert counts[0] <= 1.5 * counts[1]
