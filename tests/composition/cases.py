@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -158,9 +159,10 @@ def _nonlinear(contact: hv.Contact, up: float) -> hv.ContactProblem:
     return _plane(contact, up, material=softens, mesh=hv.rectangle((1.0, 1.0), (2, 1)))
 
 
-def _space(contact: hv.Contact, up: float) -> hv.ContactProblem:
+def _space(contact: hv.Contact, up: float, order: int = 1) -> hv.ContactProblem:
+    force = (0.1 * up, 0.05 * up, up)
     return hv.ContactProblem(
-        hv.box(cells=1), _steel(), {"bottom": contact}, {"left": hv.Clamped()}, body_force=(0.1 * up, 0.05 * up, up)
+        hv.box(cells=1), _steel(), {"bottom": contact}, {"left": hv.Clamped()}, body_force=force, order=order
     )
 
 
@@ -305,6 +307,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "axisymmetric": _revolved,
     "nonlinear": _nonlinear,
     "space": _space,
+    "quadratic tetrahedra": partial(_space, order=2),
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
     "resting": _resting,
     "pair": _pair,

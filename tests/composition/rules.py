@@ -24,7 +24,7 @@ assert tuple(FACTORS) == tuple(one.name for one in fields(Row))
 _AT_REST = tuple(task for task in TASKS if task not in IN_TIME)
 _MARCHES = ("march", "mass", "resume")
 _BOUNDS = ("exact", "adaptive")
-_PLANE = tuple(body for body in BODIES if body not in ("space", *SCALAR))
+_PLANE = tuple(body for body in BODIES if body not in ("space", "quadratic tetrahedra", *SCALAR))
 _PAIRS = ("pair", "glued inside")
 _ON_FOUNDATIONS = tuple(body for body in BODIES if body not in _PAIRS)
 _OF_STATEMENTS = (*_MARCHES, "study", "jobs", "adaptive", "file")
@@ -68,6 +68,7 @@ _NO_BOUND = (
     "supports; adaptive solves are for bodies."
 )
 _NO_BOUND_REVOLVED = "Bodies of revolution have no bound of the distance to the exact solution and no adaptive solve."
+_NO_BOUND_QUADRATIC = "In space the distance to the exact solution is bounded for linear elements only."
 _NO_BOUND_RESTING = (
     "The distance to the exact solution is bounded for bodies held by contact only where laws are convex, with "
     "separate opening and slip, and do not depend on the solution."
@@ -97,9 +98,10 @@ _FORMS = (
 )
 
 RULES = (
-    Rule("drops discontinuously", _NO_PATH, ("path",), ("space", "nonlinear"), ("saw-tooth",)),
+    Rule("drops discontinuously", _NO_PATH, ("path",), ("space", "quadratic tetrahedra", "nonlinear"), ("saw-tooth",)),
     Rule("drops discontinuously", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
+    Rule("use order = 1", _NO_BOUND_QUADRATIC, _BOUNDS, ("quadratic tetrahedra",)),
     Rule("bounded for plane and 3D bodies", _NO_BOUND_REVOLVED, _BOUNDS, ("axisymmetric",)),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),

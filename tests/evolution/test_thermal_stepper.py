@@ -13,7 +13,7 @@ from hemivar.errors import FileError
 from hemivar.evolution import Evolution, march
 from hemivar.fem.thermal_stress import cell_thermal_stress, stress_per_degree, thermal_matrix
 from hemivar.mechanics.material_words import ScalarKind
-from hemivar.mechanics.thermal import Heat, HeatContact
+from hemivar.mechanics.thermal import ContactConductance, Heat, HeatContact
 from tests import bodies
 
 MESH = hv.rectangle((1.0, 1.0), 2)
@@ -299,3 +299,22 @@ def test_a_conductance_that_rises_steeply_asks_for_no_shorter_steps() -> None:
     assert history.finished
     assert history["step"][1:] == pytest.approx(0.5)
     assert abs(history["heat.gap"]).max() < 1e-9
+
+
+def test_heat_goes_through_quadratic_tetrahedra_that_do_not_match() -> None:
+    """Two rods in series with the resistance of a joint under a uniform pressure: the profile is linear in each."""
+    upper = hv.box((1.0, 1.0, 1.0), (2, 3, 1), origin=(0.0, 0.0, 1.0))
+    mesh = hv.Mesh.assembled({"u": upper, "l": hv.box((1.0, 1.0, 1.0), (3, 2, 1))})
+    held = {"l:bottom": hv.Roller()} | {f"{part}:{side}": hv.Roller() for part in "ul" for side in ("left", "front")}
+    problem = hv.ContactProblem(
+        mesh, hv.Material.young(10.0, 0.3), {"u:bottom": hv.Contact(hv.Compliance(100.0), against="l:top")}, held,
+        tractions={"u:top": hv.Pressure(0.5)}, order=2,
+    )  # fmt: skip
+    joint = HeatContact(ContactConductance(1.0, per_pressure=4.0))
+    heat = Heat(2.0, 1.0, expansion=1e-9, contact={"u:bottom": joint}, supports={"u:top": 1.0, "l:bottom": 0.0})
+    warm = march(Evolution(problem, heat=heat), 2e4, step=1e4).frames[-1].temperature
+    assert warm is not None
+    z = mesh.nodes(2)[:, 2]
+    flow = 1.0 / (1.0 / 2.0 + 1.0 / (1.0 + 4.0 * 0.5) + 1.0 / 2.0)
+    above = np.isin(np.arange(len(z)), mesh.cell_nodes(2)[mesh.regions["u"]])
+    np.testing.assert_allclose(warm, np.where(above, 1.0 - flow * (2.0 - z) / 2.0, flow * z / 2.0), atol=1e-6)

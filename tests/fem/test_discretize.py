@@ -694,11 +694,6 @@ def test_folded_contact_boundary() -> None:
         discretize(problem)
 
 
-def test_order_two_contact_in_space_is_refused() -> None:
-    with pytest.raises(ProblemError, match="order 2 in 3D"):
-        ContactProblem(cube(1), Material.lame(1, 1), {"bottom": SURVEY}, {"top": Clamped()}, order=2)
-
-
 def test_on_another_mesh() -> None:
     problem = survey_problem(4)
     finer = problem.on(problem.mesh.refined())

@@ -57,7 +57,11 @@ PLANE, SPACE = ((7, 3), (5, 4)), ((3, 4, 2), (4, 3, 2))
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
 @pytest.mark.parametrize("slave", ["u:bottom", "l:top"])
 @pytest.mark.parametrize("friction", [hv.laws.NoFriction(), hv.Coulomb(0.3)], ids=["frictionless", "coulomb"])
-@pytest.mark.parametrize(("sizes", "order"), [(PLANE, 1), (PLANE, 2), (SPACE, 1)], ids=["plane", "quadratic", "space"])
+@pytest.mark.parametrize(
+    ("sizes", "order"),
+    [(PLANE, 1), (PLANE, 2), (SPACE, 1), (((2, 3, 1), (3, 2, 1)), 2)],
+    ids=["plane", "quadratic", "space", "tetra10"],
+)
 def test_uniform_pressure_goes_through_meshes_that_do_not_match(
     sizes: tuple[tuple[int, ...], tuple[int, ...]], order: int, friction: hv.laws.Friction, slave: str, degrees: float
 ) -> None:
@@ -115,7 +119,10 @@ def test_shear_goes_through_where_supports_hold_ends_tangentially(
 
 @pytest.mark.parametrize("held", [("left",), ("left", "right"), ("left", "front")])
 @pytest.mark.parametrize("slave", ["u:bottom", "l:top"])
-def test_shear_goes_through_where_supports_hold_edges_tangentially(slave: str, held: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(("sizes", "order"), [(((6, 6, 2), (4, 4, 2)), 1), (((3, 3, 1), (2, 2, 1)), 2)])
+def test_shear_goes_through_where_supports_hold_edges_tangentially(
+    sizes: tuple[tuple[int, ...], tuple[int, ...]], order: int, slave: str, held: tuple[str, ...]
+) -> None:
     shear, down = 0.02, 0.03
     stress = np.array([[0.0, 0.0, 5.0 * shear], [0.0, 0.0, 0.0], [5.0 * shear, 0.0, -10.0 * down]])
 
@@ -125,12 +132,12 @@ def test_shear_goes_through_where_supports_hold_edges_tangentially(slave: str, h
     ways = {"left": (-1.0, 0.0, 0.0), "right": (1.0, 0.0, 0.0), "front": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0)}
     pull = {f"{part}:{side}": tuple(stress @ way) for part in "ul" for side, way in ways.items()}
     problem = hv.ContactProblem(
-        blocks((6, 6, 2), (4, 4, 2)), hv.Material.young(10.0, 0.0),
+        blocks(*sizes), hv.Material.young(10.0, 0.0),
         {"u:bottom": hv.Contact(hv.Signorini(), hv.Tresca(50.0), against="l:top", slave=slave)},
         {"l:bottom": hv.Prescribed(field)} | {f"{part}:{side}": hv.Roller() for part in "ul" for side in held},
-        tractions=pull | {"u:top": tuple(stress[2])},
+        tractions=pull | {"u:top": tuple(stress[2])}, order=order,
     )  # fmt: skip
-    assert np.abs(hv.solve(problem).displacement - field(problem.mesh.points)).max() < 1e-13 * shear
+    assert np.abs(hv.solve(problem).displacement - field(problem.mesh.nodes(order))).max() < 1e-13 * shear
 
 
 @pytest.mark.parametrize("sizes", [((1, 2), (2, 2)), ((3, 4, 2), (4, 3, 2))], ids=["plane", "space"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,30 @@ def test_an_explicit_order_wins(tmp_path: Path) -> None:
         again = hv.read_problem(tmp_path / "again.toml")
         assert again.order == order
         assert ("order" in (tmp_path / "again.toml").read_text()) == (order == 1)
+
+
+def test_the_order_of_tetrahedra_of_a_file(tmp_path: Path) -> None:
+    """C3D10 have order 2; order = 1 cuts each into eight, in parts as well, and what is written reads back the same."""
+    corners = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)]
+    middles = [(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)]
+    rows = "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(corners + middles, 1))
+    text = f"*NODE\n{rows}*ELEMENT, TYPE=C3D10, ELSET=body\n1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10\n"
+    abaqus(tmp_path, text + "*NSET, NSET=floor\n1, 2, 3, 5, 6, 7\n*NSET, NSET=left\n1, 3, 4, 7, 8, 10\n")
+    rest = (
+        '[material]\nlame = [1.0, 1.0]\n[contact."{0}floor"]\nnormal = "signorini"\n[supports]\n"{0}left" = "clamped"\n'
+    )
+    for part in ("", "only:"):
+        table = "[mesh]\n{}\n" + ("[mesh.only]\n" if part else "") + 'file = "part.inp"\n'
+        for key, order, cells in (("", 2, 1), ("order = 1", 1, 8), ("order = 2", 2, 1)):
+            problem = parse_problem(table.format(key) + rest.format(part), tmp_path)
+            assert (problem.order, problem.mesh.number_of_cells) == (order, cells)
+            assert len(problem.mesh.boundaries[f"{part}floor"]) == (4 if order == 1 else 1)
+            assert hv.discretize(problem).contact_points == 3  # the rest is clamped
+            hv.write_problem(problem, tmp_path / "again.toml")
+            again = hv.read_problem(tmp_path / "again.toml")
+            assert (again.order, again.mesh.number_of_cells) == (order, cells)
+    # linear elements on the corners alone are no mesh that the file gives: the mesh is written beside
+    problem = replace(parse_problem(table.format("") + rest.format(part), tmp_path), order=1)
+    hv.write_problem(problem, tmp_path / "own.toml", beside=True)
+    again = hv.read_problem(tmp_path / "own.toml")
+    assert (again.order, again.mesh.number_of_cells) == (1, 1)

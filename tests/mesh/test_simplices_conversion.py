@@ -165,6 +165,30 @@ def test_solids_of_second_order_are_cut_once(seed: int, tmp_path: Path) -> None:
     assert any("tetrahedra of second order were cut at the middles of their edges" in note for note in mesh.notes)
 
 
+@pytest.mark.parametrize("bend", [lambda x: x, bubble], ids=["straight", "curved"])
+def test_tetrahedra_of_second_order_keep_their_order(bend: Callable[[np.ndarray], np.ndarray], tmp_path: Path) -> None:
+    """Unless linear elements are asked for: then they are cut at the middles of the file."""
+    rng = np.random.default_rng(6)
+    cube = hv.box((1.0, 1.0, 1.0), 2)
+    points, blocks = second_order(cube.points, {"tetra": cube.cells.tolist()}, bend)
+    path = written(tmp_path / "a.vtu", points, blocks, rng)
+    mesh, cut = read_mesh(path), read_mesh(path, order=1)
+    check(mesh)
+    check(cut)
+    assert (mesh.suggested_order, cut.suggested_order) == (2, 1)
+    assert (mesh.number_of_cells, cut.number_of_cells) == (48, 8 * 48)
+    assert set(map(tuple, cut.points.tolist())) == set(map(tuple, points.tolist()))
+    assert any("of second order" in note and "order = 2 unless another" in note for note in mesh.notes)
+    assert any("order = 1 cuts the edges there" in note for note in mesh.notes) == (bend is bubble)
+    for one in (mesh, cut):
+        assert one.recipe is not None
+        assert one.recipe.build().number_of_cells == one.number_of_cells
+    # beside a part of other cells the body is one of order 2
+    assert Mesh.assembled({"file": mesh.moved(np.eye(3), (2.0, 0.0, 0.0)), "box": cube}).suggested_order == 2
+    with pytest.raises(hv.errors.ProblemError, match="order = 3; give 1 or 2"):
+        read_mesh(path, order=3)
+
+
 def test_plane_cells_of_second_order(tmp_path: Path) -> None:
     """Straight ones keep their corners, and order 2 is suggested; an explicit order wins. Curved ones are cut once."""
     rng = np.random.default_rng(4)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -160,6 +161,18 @@ def test_point_contact(view: str) -> None:
         assert found["pressure"] < 0.5 / cells, cells
         assert abs(found["half_width"]) < 0.3 / cells, cells
     assert np.log2(forces[0] / forces[1]) > 1.3
+
+
+@pytest.mark.parametrize(("view", "constant"), [("sphere", 0.13), ("plane", 0.54)])
+def test_point_contact_of_quadratic_tetrahedra(view: str, constant: float) -> None:
+    """Force to O(h^2), with cells twice as large as linear ones of the same nodes; constants are twice the measured."""
+    forces = []
+    for cells in (1, 2):
+        problem, hertz = known.sphere_problem(cells, view)
+        found = known.hertz_errors(solved(replace(problem, order=2)), hertz)
+        forces.append(found["force"])
+        assert abs(found["force"]) < constant / cells**2, cells
+    assert np.log2(forces[0] / forces[1]) > 1.6
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.contact_basis import nodal_values
 from hemivar.fem.elements import shape_values
 from hemivar.fem.mortar import Mortar
 from hemivar.fem.supports import sum_by, unit
@@ -79,6 +80,7 @@ class Arcs:
             first, second = _neighbours(problem, name, found)
             far = np.bincount(first, apart[second] - apart[first], apart.size)
             apart = apart + _LOWER[problem.mesh.dim] * far / np.maximum(np.bincount(first, minlength=apart.size), 1)
+        apart = nodal_values(problem.mesh, problem.order, found.nodes, apart)
         return -float(apart.min()) - self.inexact
 
 

@@ -14,6 +14,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair
+from hemivar.fem.contact_basis import seen_values
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.rings import facet_shares, weightless
@@ -64,6 +65,12 @@ class BoundaryContact:
     pair: bool = False  # whether another body is touched, and no foundation
     warnings: tuple[str, ...] = ()
 
+    @property
+    def apart(self) -> bool:
+        """Whether its points are at nodes and see more than what these do."""
+        mean = self.points.mean
+        return self.pair or (mean is not None and mean.nnz > len(self.gap) and bool((self.points.node >= 0).all()))
+
     def take(self, index: IntArray) -> BoundaryContact:
         """The contact points of the given numbers."""
         return replace(
@@ -98,7 +105,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
                 "name another boundary"
             )
         nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
-        average, facet, points = _selection(nodes, count), np.full(len(nodes), -1), supports.nodes[nodes]
+        average, facet, points = seen_values(mesh, order, nodes), np.full(len(nodes), -1), supports.nodes[nodes]
     else:
         rows = np.repeat(np.arange(len(facets)), members.shape[1])
         nodes, facet = np.full(len(facets), -1), np.arange(len(facets))
@@ -122,12 +129,25 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     blocked = np.zeros((len(points), dim), dtype=bool)
     if problem.quadrature is Quadrature.NODAL:
         frames, blocked = adapted(frames, supports.directions[nodes], supports.count[nodes])
+        blocked |= _held_alone(average, nodes, frames, supports)
     names = tuple(problem.contact)
     boundary = np.full(len(points), names.index(name))
     trace = local_components(average, frames)
     found = ContactPoints(trace, weights, points, frames, nodes, facet, boundary, names, mean=average)
     with error_context(f"contact '{name}'", contact.normal, contact.friction):
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
+
+
+def _held_alone(average: sp.csr_array, nodes: IntArray, frames: Array, supports: Supports) -> BoolArray:
+    """Directions (k, d) in which supports hold the node of a contact point, and not the others that it sees."""
+    entries = average.tocoo()
+    moves = np.linalg.norm(movable(frames[entries.row], supports.directions[entries.col]), axis=2) > DEPENDENT
+    own = entries.col == nodes[entries.row]
+    held = np.zeros(frames.shape[:2], dtype=bool)
+    held[entries.row[own]] = ~moves[own]
+    others = np.zeros(held.shape, dtype=bool)
+    np.logical_or.at(others, entries.row, moves)
+    return held & others
 
 
 def _nodal_normals(
@@ -273,7 +293,8 @@ def area_contacts(problem: ContactProblem, supports: Supports, others: list[Boun
         frames[:, 1:] = _tangents(supports, place.nodes)
         with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
             law = contact.law.at(at)
-        mean, boundary = _selection(place.nodes, len(nodes)), np.full(count, names.index(place.name))
+        mean = seen_values(problem.mesh, 1, place.nodes)
+        boundary = np.full(count, names.index(place.name))
         trace = local_components(mean, frames)
         points = ContactPoints(trace, place.weights, at, frames, place.nodes, boundary=boundary, names=names, mean=mean)
         belt = DataField(contact.belt, f"belt of contact '{place.name}'", dim).at(at)
@@ -324,7 +345,7 @@ def contacts_of_one(
         with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
             law = contact.law.at(at)
         column = int(contact.rubs)
-        mean = _selection(place.nodes, len(nodes)) if place.jump is None else place.jump
+        mean = seen_values(problem.mesh, problem.order, place.nodes) if place.jump is None else place.jump
         entries = mean.tocoo()
         rows = entries.row * components + column
         trace = sp.csr_array((sign * entries.data, (rows, entries.col)), shape=(count * components, len(nodes)))
@@ -417,7 +438,9 @@ def _refuse_shared(boundary: str, own: IntArray, area: _Place, nodes: Array, fre
 
 def shares(order: int, dim: int) -> Array:
     """Shares of the nodes of a facet in its measure, vertices first."""
-    return np.array([1 / 6, 1 / 6, 4 / 6]) if order == 2 else np.full(dim, 1 / dim)
+    if order == 1:
+        return np.full(dim, 1 / dim)
+    return np.array([1 / 6, 1 / 6, 4 / 6] if dim == 2 else [0.0, 0.0, 0.0, 1 / 3, 1 / 3, 1 / 3])
 
 
 def _refuse_beyond(values: Array, where: str, unit: str) -> None:
@@ -468,7 +491,8 @@ def merge_corners(
                 frames[mine], blocked[mine] = adapted(
                     frames_of(unit(normal)), supports.directions[nodes], supports.count[nodes]
                 )
-                trace = local_components(_selection(first.node, len(supports.nodes)), frames)
+                assert first.mean is not None
+                trace = local_components(first.mean, frames)
                 first = replace(first, trace=trace, weights=weights, frames=frames)
             groups[earlier] = replace(groups[earlier], points=first, blocked=blocked)
             rest = np.setdiff1d(np.arange(second.count), theirs)
@@ -504,11 +528,6 @@ def _handed_on(group: BoundaryContact, leaves: BoolArray) -> BoundaryContact:
     nearest = rest[cKDTree(places[rest]).query(places[leaves])[1]]
     weights = group.points.weights + np.bincount(nearest, group.points.weights[leaves], group.points.count)
     return replace(group, points=replace(group.points, weights=weights)).take(rest)
-
-
-def _selection(nodes: IntArray, count: int) -> sp.csr_array:
-    """The matrix (k, count) that picks the values at k of the nodes."""
-    return sp.csr_array((np.ones(len(nodes)), nodes, np.arange(len(nodes) + 1)), shape=(len(nodes), count))
 
 
 def frames_of(normal: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The coarser discrete problem below a discrete problem, where its mesh is a refinement."""
+"""The coarser discrete problem below a discrete problem: linear elements, or where its mesh is a refinement."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from hemivar.discrete.space import Field
 from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
+from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Coarser", "coarser", "family_of", "has_coarser", "tangent_problem"]
 
@@ -25,6 +26,8 @@ __all__ = ["Coarser", "coarser", "family_of", "has_coarser", "tangent_problem"]
 @dataclass(frozen=True, eq=False)
 class Coarser:
     """A coarser problem and the way from its unknowns to those of the finer one.
+
+    Below elements of order 2 in space are linear ones on the same mesh.
 
     Attributes
     ----------
@@ -42,6 +45,8 @@ class Coarser:
     shift : array, shape (n,), or None
         Fine unknowns of what prescribed displacements are carried into the body as by the coarser problem, where that
         is not a part of its field.
+    interpolation : sparse array, shape (nodes, coarse nodes), or None
+        Nodal values of the finer field by those of the coarser one; None where unknowns of one mesh are left out.
     """
 
     problem: DiscreteProblem
@@ -50,6 +55,7 @@ class Coarser:
     shared: IntArray
     pairs: Mapping[str, BoundaryContact]
     shift: Array | None = None
+    interpolation: sp.csr_array | None = None
 
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
@@ -64,31 +70,43 @@ class Coarser:
 
         They need not have been prolonged from anything.
         """
-        coarse, parent = self.problem.field, self.field.mesh.parent
+        coarse = self.problem.field
         assert coarse is not None
-        assert parent is not None
-        same = _nodes_of_both(parent.interpolation)
+        assert self.interpolation is not None
+        same = _nodes_of_both(self.interpolation)
         return coarse.restrict(self.field.full(unknowns)[same])
 
     def interpolate(self, unknowns: Array) -> Array:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
         coarse = self.problem.field
         assert coarse is not None
-        if coarse.mesh is self.field.mesh:
+        if self.interpolation is None:
             return np.asarray(self.prolongation @ unknowns)
-        assert self.field.mesh.parent is not None
-        fine = self.field.mesh.parent.interpolation @ coarse.full(unknowns)
-        return self.field.restrict(fine)
+        return self.field.restrict(self.interpolation @ coarse.full(unknowns))
+
+
+def _below(field: Field) -> tuple[Mesh, sp.csr_array] | None:
+    """The mesh of linear elements below those of a field, and how nodal values of the field follow from theirs."""
+    mesh = field.mesh
+    if field.order == 1:
+        return None if mesh.parent is None else (mesh.parent.mesh, mesh.parent.interpolation)
+    if mesh.dim == 2:
+        return None
+    vertices = sp.eye_array(mesh.number_of_nodes, format="csr")
+    middles = sp.csr_array(0.5 * (vertices[mesh.edges[:, 0]] + vertices[mesh.edges[:, 1]]))
+    return mesh, sp.csr_array(sp.vstack([vertices, middles]))
 
 
 def has_coarser(problem: DiscreteProblem) -> bool:
-    """Whether there is a coarser mesh below that of a problem with linear elements."""
+    """Whether there are coarser linear elements below those of a problem."""
     field = problem.field
-    return field is not None and problem.origin is not None and field.order == 1 and field.mesh.parent is not None
+    if field is None or problem.origin is None:
+        return False
+    return field.mesh.parent is not None if field.order == 1 else field.mesh.dim == 3
 
 
 def coarser(problem: DiscreteProblem) -> Coarser | None:
-    """The same contact problem on the next coarser mesh; None where there is no such mesh.
+    """The same contact problem with the next coarser linear elements; None where there are none.
 
     Stiffness and weights are those of the coarser mesh, the load is what the prolongation makes of the finer one, and
     gap and law are taken over at the nodes that both meshes share: so a load, a gap or a law that was changed after
@@ -97,45 +115,45 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     Parameters
     ----------
     problem : DiscreteProblem
-        From :func:`discretize`, with linear elements and nodal quadrature.
+        From :func:`discretize`, with nodal quadrature.
     """
     field, statement = problem.field, problem.origin
     if not has_coarser(problem):
         return None
     assert field is not None
     assert statement is not None
-    assert field.mesh.parent is not None
     if isinstance(problem.model.parts, Composition):
         return _coarser_in_time(problem, problem.model.parts)
     if isinstance(problem.model.parts, Tangent):
         return _coarser_tangent(problem, problem.model.parts)
-    parent = field.mesh.parent
-    shared = _nodes_of_both(parent.interpolation)
-    nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.components), format="csr"))
-    pairs = _pairs(problem, nodal)
+    below = _below(field)
+    assert below is not None
+    mesh, interpolation = below
+    shared = _nodes_of_both(interpolation)
+    nodal = sp.csr_array(sp.kron(interpolation, sp.eye_array(field.components), format="csr"))
+    pairs = _pairs(problem, interpolation, nodal)
     start = field.prescribed.reshape(-1, field.components)[shared]
-    coarse = coarse_problem(statement.on(parent.mesh), start, pairs)
+    coarse = coarse_problem(replace(statement, mesh=mesh, order=1), start, pairs)
     assert coarse.field is not None
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
     prolongation.eliminate_zeros()
-    found = _shared_points(problem.contact, coarse.contact, parent.interpolation)
-    step = Coarser(coarse, prolongation, field, found, pairs)
+    found = _shared_points(problem.contact, coarse.contact, interpolation)
+    step = Coarser(coarse, prolongation, field, found, pairs, interpolation=interpolation)
     return replace(step, problem=step.posed(problem))
 
 
-def _pairs(problem: DiscreteProblem, nodal: sp.csr_array) -> dict[str, BoundaryContact]:
+def _pairs(problem: DiscreteProblem, interpolation: sp.csr_array, nodal: sp.csr_array) -> dict[str, BoundaryContact]:
     """Contact points of two bodies on the coarser mesh, by boundary.
 
     They are those of the finer mesh at the nodes that both meshes have: a jump of coarse displacements is what the
     finer mesh makes of it, and no coarse mortar projection is needed, of a surface that may have moved away.
-    ``nodal`` interpolates displacements.
+    ``interpolation`` is that of values at nodes, and ``nodal`` of displacements.
     """
     field, statement, contact = problem.field, problem.origin, problem.contact
     assert field is not None
     assert statement is not None
-    assert field.mesh.parent is not None
-    interpolation, found = field.mesh.parent.interpolation, {}
+    found = {}
     shared = _nodes_of_both(interpolation)
     place = np.full(interpolation.shape[0], -1)
     place[shared] = np.arange(shared.size)
@@ -195,8 +213,8 @@ def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | 
         return None
     step, family = cast(tuple[Coarser, OperatorFamily], found)
     assert problem.field is not None
-    assert problem.field.mesh.parent is not None
-    shared = _nodes_of_both(problem.field.mesh.parent.interpolation)
+    assert step.interpolation is not None
+    shared = _nodes_of_both(step.interpolation)
     coarse = step.problem.fitted(parts.of(family, shared).model(problem.model.resisted))
     step = replace(step, problem=coarse, field=problem.field)
     return replace(step, problem=step.posed(problem))

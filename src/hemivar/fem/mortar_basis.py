@@ -135,22 +135,37 @@ def _pivots(trace: sp.csr_array, own: IntArray, node: IntArray) -> IntArray:
     blocks = np.zeros((int(place.max(initial=-1)) + 1, int(slot.max(initial=-1)) + 1, 3))
     blocks[place[row], slot[row], column - first[row]] = entries.data[local]
     picked = _picked(blocks)[place, slot]
-    return _elsewhere(np.where(picked < 0, -1, first + picked), trace, ~local)
+    return _elsewhere(np.where(picked < 0, -1, first + picked), trace, ~local, node)
 
 
-def _elsewhere(pivot: IntArray, trace: sp.csr_array, elsewhere: BoolArray) -> IntArray:
-    """Pivots with the largest of the entries ``elsewhere``, shape (nnz,), that is left for rows that have none."""
+def _elsewhere(pivot: IntArray, trace: sp.csr_array, elsewhere: BoolArray, node: IntArray) -> IntArray:
+    """Pivots with the largest of the entries ``elsewhere``, shape (nnz,), that is left for rows that have none.
+
+    Two rows may see a node along one direction: then different unknowns of it are no pivots of both.
+    """
     entries, out = trace.tocoo(), pivot.copy()
+    left = elsewhere & (np.abs(entries.data) > _OWN)
     for _ in range(_TRIES):
-        left = elsewhere & (out[entries.row] < 0) & (np.abs(entries.data) > _OWN) & ~np.isin(entries.col, out)
-        if not left.any():
+        left &= (out[entries.row] < 0) & ~np.isin(entries.col, out)
+        entry = np.flatnonzero(left)
+        if not entry.size:
             break
-        row, column, size = entries.row[left], entries.col[left], np.abs(entries.data[left])
-        order = np.lexsort((-size, row))
-        row, first = np.unique(row[order], return_index=True)
-        column, kept = np.unique(column[order][first], return_index=True)
-        out[row[kept]] = column
+        order = entry[np.lexsort((-np.abs(entries.data[entry]), entries.row[entry]))]
+        entry = order[np.unique(entries.row[order], return_index=True)[1]]
+        entry = entry[np.unique(node[entries.col[entry]], return_index=True)[1]]
+        row, column, tried = entries.row[entry], entries.col[entry], out.copy()
+        tried[row] = column
+        fine = np.isin(node[column], _independent(trace, tried, node))
+        out[row[fine]], left[entry[~fine]] = column[fine], False
     return out
+
+
+def _independent(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> IntArray:
+    """The nodes whose unknowns are pivots (k,) of rows that see them along different directions."""
+    rows = np.flatnonzero(pivot >= 0)
+    at = node[pivot[rows]]
+    blocks, place, _ = _blocks(sp.csr_array(trace[rows][:, pivot[rows]]), at)
+    return np.asarray(at[np.linalg.svd(blocks, compute_uv=False)[place, -1] > _OWN**2])
 
 
 def _picked(rest: Array) -> IntArray:
@@ -184,6 +199,16 @@ def _inverse(matrix: sp.csr_array, node: IntArray) -> sp.csr_array | None:
 
 def _of_blocks(matrix: sp.csr_array, node: IntArray) -> sp.csr_array:
     """The inverse of the blocks of nodes on the diagonal of a matrix (k, k)."""
+    blocks, place, slot = _blocks(matrix, node)
+    number = np.full(blocks.shape[:2], -1)
+    number[place, slot] = np.arange(node.size)
+    rows, columns = (np.broadcast_to(one, blocks.shape) for one in (number[:, :, None], number[:, None, :]))
+    real = (rows >= 0) & (columns >= 0)
+    return sp.csr_array((np.linalg.inv(blocks)[real], (rows[real], columns[real])), shape=matrix.shape)
+
+
+def _blocks(matrix: sp.csr_array, node: IntArray) -> tuple[Array, IntArray, IntArray]:
+    """The blocks (p, 3, 3) of nodes on the diagonal of a matrix (k, k); block and row in it of each of its rows."""
     place, slot = _slots(node)
     entries = matrix.tocoo()
     within = node[entries.row] == node[entries.col]
@@ -191,8 +216,4 @@ def _of_blocks(matrix: sp.csr_array, node: IntArray) -> sp.csr_array:
     blocks = np.tile(np.eye(3), (int(place.max(initial=-1)) + 1, 1, 1))
     blocks[place, slot, slot] = 0.0
     blocks[place[row], slot[row], slot[column]] = entries.data[within]
-    number = np.full(blocks.shape[:2], -1)
-    number[place, slot] = np.arange(node.size)
-    rows, columns = (np.broadcast_to(one, blocks.shape) for one in (number[:, :, None], number[:, None, :]))
-    real = (rows >= 0) & (columns >= 0)
-    return sp.csr_array((np.linalg.inv(blocks)[real], (rows[real], columns[real])), shape=matrix.shape)
+    return blocks, place, slot

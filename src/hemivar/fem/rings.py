@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.contact_basis import contact_shapes
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mesh.mesh import Mesh
@@ -56,10 +57,10 @@ def hoop_matrices(mesh: Mesh, order: int, hoop: Hoop, strains: IntArray, cells: 
 
 
 def facet_shares(mesh: Mesh, facets: IntArray, order: int, ring: bool) -> Array:
-    """Integrals of the shape functions over facets (f, d), shape (f, L): over whole rings of a body of revolution."""
+    """Integrals of the functions of contact over facets (f, d), (f, L): over whole rings of a body of revolution."""
     measures = mesh.facet_normals(facets)[1]
     barycentric, weights = quadrature_rule(mesh.dim - 1, order + ring)
-    values = shape_values(order, barycentric)
+    values = contact_shapes(order, barycentric)
     if not ring:
         return np.outer(measures, weights @ values)
     radius = mesh.points[facets, 0] @ barycentric.T

@@ -54,8 +54,8 @@ class NodalConditions:
 
     @cached_property
     def jumps(self) -> JumpUnknowns | None:
-        """The unknowns that are jumps between two bodies; None where there are none."""
-        pairs = [group for group in self.groups if group.pair]
+        """The unknowns that are jumps between two bodies, or means beside a corner; None where there are none."""
+        pairs = [group for group in self.groups if group.apart]
         if not pairs:
             return None
         nodal, components = basis_of(self.directions, self.free), self.free.shape[1]

@@ -89,10 +89,10 @@ def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     quadrature = Quadrature(elements.get("quadrature", Quadrature.NODAL))
     geometry = Geometry(elements.get("geometry", Geometry.CURVED))
     order, constant = elements.get("order"), elements.get("trace_constant")
-    return StatedMesh(_recipe(table, folder), order, quadrature, geometry, constant, table)
+    return StatedMesh(_recipe(table, folder, order), order, quadrature, geometry, constant, table)
 
 
-def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:
+def _recipe(table: TomlTable, folder: Path, order: int | None) -> MeshRecipe:
     """How the mesh of a table is made: from a rectangle, a box or a file, or of the parts that have tables."""
     sources = [key for key in _SOURCES if key in table]
     names = [key for key, value in table.data.items() if isinstance(value, dict) and key != "boundaries"]
@@ -101,7 +101,7 @@ def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:
         for key in (*_SOURCES, "cells", "pattern", "origin"):
             if key in table:
                 raise table.error(key, f"belongs to one part, but the mesh has parts; write it under [mesh.{names[0]}]")
-        parts = {name: _recipe(table.table(name, _PART), folder) for name in names}
+        parts = {name: _recipe(table.table(name, _PART), folder, order) for name in names}
         source = Assembly(MappingProxyType(parts))
     else:
         if len(sources) != 1:
@@ -109,7 +109,8 @@ def _recipe(table: TomlTable, folder: Path) -> MeshRecipe:
             raise table.error("rectangle, box, file", f"{given}; give one of the three")
         source = _file(table, folder) if sources[0] == "file" else _grid(table, sources[0])
     recipe = decode(MeshRecipe, table, part="mesh", boundaries=_markings, opened=_openings)
-    return MeshRecipe(source, **(recipe | {"shift": tuple(recipe.get("shift", ()))}))
+    read_for = 1 if isinstance(source, Path) and order == 1 else None
+    return MeshRecipe(source, **(recipe | {"shift": tuple(recipe.get("shift", ()))}), order=read_for)
 
 
 def _markings(table: TomlTable) -> tuple[Marking, ...]:
@@ -176,7 +177,8 @@ def _grid(table: TomlTable, shape: str) -> Grid:
 def mesh_record(recipe: MeshRecipe, problem: ContactProblem, folder: Path) -> dict[str, object]:
     """The table [mesh] for a mesh that was made like this, in a problem file of a folder."""
     elements = encode(problem, part="mesh")
-    if problem.order == (problem.mesh.suggested_order if recipe is problem.mesh.recipe else 1):
+    left_out = problem.mesh.suggested_order if recipe is problem.mesh.recipe else 1
+    if problem.order == left_out and not recipe.linear:
         del elements["order"]
     return _recipe_record(recipe, folder) | elements
 

@@ -240,8 +240,6 @@ def parse_problem_file(
     supports = read_supports(top, mesh, of_one)
     contact = read_contacts(top, mesh, folder, of_one)
     time, output = _read_in_time(top, mesh, material.inert, field)
-    if stated.order == 2 and mesh.dim == 3 and contact and not of_one:
-        raise table.error("order", "contact in 3D needs elements of order 1; write order = 1")
     if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
         raise table.error(
             "quadrature",
@@ -431,6 +429,8 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     recipe = problem.mesh.recipe
     if recipe is not None and files is not None and difference(problem.mesh, recipe.build(), "mesh"):
         recipe = None  # the mesh was changed by replace(), or its file is another one by now
+    if problem.order == 1 and problem.mesh.dim == 3 and problem.mesh.suggested_order == 2:
+        recipe = None  # its file would be read for linear elements, and cut
     if recipe is None:
         if files is None:
             can = "rectangles, boxes and mesh files, scaled and then refined: beside=True writes the mesh as a file"

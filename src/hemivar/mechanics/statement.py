@@ -163,8 +163,9 @@ class ContactProblem(PickleMixin, ReprMixin):
     order: int = field(
         default=None,  # type: ignore[assignment]  # it is a number once the problem is made
         metadata=stated(
-            Form.WHOLE, "1: linear elements; 2: quadratic ones (contact in 3D needs 1)", least=1, most=2, table="mesh",
-            left_out="`1`; `2` for plane mesh files of second order with straight edges",
+            Form.WHOLE, "1: linear elements; 2: quadratic ones", least=1, most=2, table="mesh",
+            left_out="`1`; `2` for mesh files of tetrahedra of second order, and of plane cells of second order with "
+            "straight edges",
         ),
     )  # fmt: skip
     quadrature: Quadrature = field(
@@ -364,14 +365,10 @@ class ContactProblem(PickleMixin, ReprMixin):
             self._check_contact(name, contact)
         if self.areas and self.material.axisymmetric:
             raise ProblemError("plane = 'axisymmetric' has no contact over an area; leave it out")
-        if self.order == 2 and (self.areas or (self.kind and self.contact and self.mesh.dim == 3)):
+        if self.order == 2 and self.areas:
             raise ProblemError(
-                "contact over an area (or on a boundary in 3D) is not available with elements of order 2, "
-                "whose corner weights vanish; use order = 1"
-            )
-        if self.contact and self.order == 2 and self.mesh.dim == 3:
-            raise ProblemError(
-                "contact with elements of order 2 in 3D is not available (corner weights vanish); use order = 1"
+                "contact over an area is not available with elements of order 2, whose corner weights vanish; use "
+                "order = 1"
             )
         midpoint = self.quadrature is Quadrature.MIDPOINT
         if self.kind and midpoint:

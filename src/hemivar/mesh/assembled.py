@@ -80,9 +80,10 @@ def _joined(
 
 
 def _reading(meshes: Mapping[str, Mesh]) -> Reading:
-    """What was said of all parts; order 2 where all suggest it."""
+    """What was said of all parts; order 2 where all suggest it, in space where one does."""
     notes = tuple(f"{name}: {note}" for name, mesh in meshes.items() for note in mesh.notes)
-    return Reading(notes, min(mesh.suggested_order for mesh in meshes.values()))
+    orders = [(mesh.suggested_order, mesh.dim) for mesh in meshes.values()]
+    return Reading(notes, max(orders)[0] if orders[0][1] == 3 else min(orders)[0])
 
 
 def _recipe(meshes: Mapping[str, Mesh]) -> MeshRecipe | None:

@@ -208,7 +208,7 @@ class Mesh(PickleMixin):
 
     @property
     def suggested_order(self) -> int:
-        """The order of elements that is taken where none is given: 2 for plane files of second order, 1 else."""
+        """The order of elements that is taken where none is given: 2 for some files of second order, 1 else."""
         return self.reading.order
 
     @cached_property

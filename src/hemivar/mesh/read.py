@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hemivar.basics.arguments import quoted
 from hemivar.basics.disk import first_bytes, read_bytes, regular_file, shown
 from hemivar.basics.memory import require
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -35,18 +36,20 @@ _NASTRAN = (".bdf", ".nas", ".fem", ".dat", ".blk", "")
 _ELEMENTS = ("points", "lines", "surfaces", "cells")
 
 
-def read_mesh(path: str | Path) -> Mesh:
+def read_mesh(path: str | Path, order: int | None = None) -> Mesh:
     """Read a mesh file: Gmsh, Abaqus and CalculiX, Nastran, SU2, VTU, or a format that meshio reads.
 
     Groups become boundaries (groups of facets), interfaces (groups of facets between cells) and regions (groups of
     cells); a group of nodes is the boundary of the outer facets between them. Other cells than triangles and tetrahedra
-    are split, see :attr:`Mesh.notes`. Second-order cells with straight edges in a plane mesh suggest order 2
-    (:attr:`Mesh.suggested_order`); others are cut once. Nodes that no cell uses are dropped, as is the third coordinate
-    of plane meshes; inverted cells are turned.
+    are split, see :attr:`Mesh.notes`. Tetrahedra of second order suggest order 2 (:attr:`Mesh.suggested_order`), and so
+    do cells of second order with straight edges in a plane mesh; others are cut once. Nodes that no cell uses are
+    dropped, as is the third coordinate of plane meshes; inverted cells are turned.
 
     Parameters
     ----------
     path : str or Path
+    order : int, optional
+        1 for linear elements: tetrahedra of second order are cut at the middles of their edges.
 
     Returns
     -------
@@ -56,7 +59,7 @@ def read_mesh(path: str | Path) -> Mesh:
     ------
     ProblemError
         If the file is missing or cannot be read, does not fit into memory, or holds cells that are of another kind or
-        too distorted to be split.
+        too distorted to be split; if the order is neither 1 nor 2.
 
     Examples
     --------
@@ -65,6 +68,8 @@ def read_mesh(path: str | Path) -> Mesh:
     >>> sorted(mesh.boundaries)  # doctest: +SKIP
     ['back', 'hole', 'shelf']
     """
+    if order not in (None, 1, 2):
+        raise ProblemError(f"order = {quoted(order)}; give 1 or 2, or leave it out")
     try:
         name = regular_file(path, "mesh file", 2**62)
     except FileError as error:
@@ -75,7 +80,7 @@ def read_mesh(path: str | Path) -> Mesh:
     _require(_FACTOR, path, size)
     start = first_bytes(name, 1 << 16, "mesh file")
     try:
-        return _mesh(_raw(name, start, size), MeshRecipe(Path(path).absolute()))
+        return _mesh(_raw(name, start, size), MeshRecipe(Path(path).absolute(), order=1 if order == 1 else None))
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         if not isinstance(error, ProblemError):
             told = "cannot be read: what it holds does not fit together; save it again"
@@ -128,7 +133,8 @@ def _mesh(raw: RawMesh, recipe: MeshRecipe) -> Mesh:
     if dim < 2:
         what = f"it holds {_ELEMENTS[1]} only, and" if dim else "it holds"
         raise ProblemError(f"{what} no cells of a body; if it comes from Gmsh, put the body into a physical group")
-    found = simplices(RawMesh(_flat(raw, dim), raw.cells, raw.kinds, raw.groups, raw.at_nodes, raw.notes))
+    flat = RawMesh(_flat(raw, dim), raw.cells, raw.kinds, raw.groups, raw.at_nodes, raw.notes)
+    found = simplices(flat, recipe.order)
     cells = found.cells[dim]
     used = np.zeros(len(found.points), dtype=bool)
     used[cells] = True

@@ -122,6 +122,8 @@ class MeshRecipe:
         What was opened after that.
     refine : int
         How often the mesh was refined after that.
+    order : int or None
+        1 where a mesh file was read for linear elements.
     """
 
     source: Grid | Path | Assembly
@@ -174,13 +176,15 @@ class MeshRecipe:
             Form.WHOLE, "how many times every triangle is cut into four (tetrahedron into eight)", table="mesh"
         ),
     )
+    order: int | None = None
 
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times (0 for files)."""
         with IMPORTS:
             from hemivar.mesh.read import read_mesh
 
-        mesh = read_mesh(self.source) if isinstance(self.source, Path) else self.source.build(halvings)
+        source = self.source
+        mesh = read_mesh(source, self.order) if isinstance(source, Path) else source.build(halvings)
         if self.scale != 1.0:
             mesh = mesh.scaled(self.scale)
         if self.turn:
@@ -218,7 +222,7 @@ class MeshRecipe:
 
     def scaled(self, factor: float) -> MeshRecipe | None:
         """The recipe of the mesh times a factor; None where no recipe gives its coordinates to the last digit."""
-        plain = self == MeshRecipe(self.source)
+        plain = self == MeshRecipe(self.source, order=self.order)
         return replace(self, scale=float(factor)) if plain else None
 
     def opening(self, name: str, between: tuple[str, str] | None) -> MeshRecipe | None:
@@ -230,6 +234,12 @@ class MeshRecipe:
         more = tuple(Marking(name, condition) for name, condition in conditions.items())
         early = self.refine == 0 and not self.opened
         return replace(self, boundaries=(*self.boundaries, *more)) if early else None
+
+    @property
+    def linear(self) -> bool:
+        """Whether a mesh file in it was read for linear elements."""
+        parts = self.source.parts.values() if isinstance(self.source, Assembly) else ()
+        return self.order == 1 or any(part.linear for part in parts)
 
     def refined(self) -> MeshRecipe:
         """The recipe of the mesh refined once more."""

@@ -1,7 +1,8 @@
 """Elements of any kind, made into triangles and tetrahedra that fit together.
 
-Second-order elements of plane meshes whose edges are straight keep their corners, and order 2 is suggested.  All others
-are cut once at the middles of their edges, which are on the curve where the file says so.  Then plane quadrilaterals
+Second-order elements of plane meshes whose edges are straight keep their corners, and order 2 is suggested; so do
+tetrahedra, whose edges become straight.  All others are cut once at the middles of their edges, which are on the curve
+where the file says so; tetrahedra for elements of order 1.  Then plane quadrilaterals
 are split by their centre.  Solids are split so that both sides of a face do it alike: a quadrilateral face is cut by
 the diagonal at its node of the least number, and the cell is a cone over these triangles from its own least node.
 Where that would invert a tetrahedron the cell is a cone from its centre.
@@ -45,16 +46,18 @@ _Part = tuple[Shape, IntArray, IntArray]
 _Parts = dict[int, list[_Part]]
 
 
-def simplices(raw: RawMesh) -> Simplices:
-    """The elements of a file as simplices."""
+def simplices(raw: RawMesh, wanted: int | None = None) -> Simplices:
+    """The elements of a file as simplices, for elements of the ``wanted`` order where one is given."""
     dim = max(raw.cells)
     nodes = _Nodes(raw.points[:, :dim], {name: _mask(ids, len(raw.points)) for name, ids in raw.at_nodes.items()})
     parts = {of: list(_by_shape(cells, raw.kinds[of])) for of, cells in raw.cells.items()}
-    order, cut = 1, False
+    order, cut, off = 1, False, 0.0
     if any(KINDS[code].quadratic for code in np.unique(raw.kinds[dim])):
         edges, middles = _middles(raw.cells[dim], raw.kinds[dim], nodes.points)
-        order = 2 if dim == 2 and _straight(nodes.points, edges, middles) else 1
-        cut = order == 1
+        off = _off(nodes.points, edges, middles)
+        alone = all(shape.name == "tetra" for shape, _, _ in parts[dim])
+        cut = off > _STRAIGHT if dim == 2 else wanted == 1 or not alone
+        order = 1 if cut or wanted == 1 else 2
         if cut:
             parts = _cut_once(nodes, edges, middles, parts)
     cells, origin = {}, {}
@@ -63,7 +66,8 @@ def simplices(raw: RawMesh) -> Simplices:
         together = np.concatenate([number for _, number in found])
         sort = np.argsort(together, kind="stable")
         cells[of], origin[of] = np.concatenate([simplex for simplex, _ in found])[sort], together[sort]
-    return Simplices(nodes.points, cells, origin, nodes.sets, order, tuple(_notes(raw, dim, origin[dim], order, cut)))
+    notes = tuple(_notes(raw, dim, origin[dim], order, cut, off))
+    return Simplices(nodes.points, cells, origin, nodes.sets, order, notes)
 
 
 def _mask(ids: IntArray, count: int) -> BoolArray:
@@ -116,10 +120,11 @@ def _middles(cells: IntArray, kinds: IntArray, points: Array) -> tuple[IntArray,
     return rows[:, :2], rows[:, 2]
 
 
-def _straight(points: Array, edges: IntArray, middles: IntArray) -> bool:
+def _off(points: Array, edges: IntArray, middles: IntArray) -> float:
+    """By how much of its length the middle of an edge is off at most."""
     start, end = points[edges[:, 0]], points[edges[:, 1]]
     off = np.linalg.norm(points[middles] - 0.5 * (start + end), axis=1)
-    return bool((off <= _STRAIGHT * np.linalg.norm(end - start, axis=1)).all())
+    return float((off / np.linalg.norm(end - start, axis=1)).max(initial=0.0))
 
 
 def _cut_once(nodes: _Nodes, edges: IntArray, middles: IntArray, parts: _Parts) -> _Parts:
@@ -296,8 +301,8 @@ def _place(point: Array) -> str:
     return "(" + ", ".join(f"{x:.6g}" for x in point) + ")"
 
 
-def _notes(raw: RawMesh, dim: int, origin: IntArray, order: int, cut: bool) -> Iterator[str]:
-    """What was done, one sentence for each shape."""
+def _notes(raw: RawMesh, dim: int, origin: IntArray, order: int, cut: bool, off: float) -> Iterator[str]:
+    """What was done, one sentence for each shape; middles of edges are ``off`` by this part of their length."""
     names, of = ("triangles", "tetrahedra")[dim - 2], np.bincount(origin, minlength=len(raw.kinds[dim]))
     for shape in SHAPES.values():
         for quadratic in (False, True):
@@ -311,4 +316,7 @@ def _notes(raw: RawMesh, dim: int, origin: IntArray, order: int, cut: bool) -> I
                 how = "cut at the middles of their edges" if cut else "split"
                 yield f"{many} {shape.plural}{second} were {how} into {pieces} {names}" + (" of order 1" if cut else "")
             if quadratic and order == 2:
-                yield f"{many} {shape.plural} of second order have straight edges: order = 2 unless another is given"
+                have = "have" if off <= _STRAIGHT else "were given"
+                yield f"{many} {shape.plural} of second order {have} straight edges: order = 2 unless another is given"
+                if off > _STRAIGHT:
+                    yield f"middles of edges moved by up to {off:.1%} of the length; order = 1 cuts the edges there"
