@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +52,51 @@ def test_contact_with_coulomb_friction_costs_three(size: float) -> None:
     assert found.evaluations <= 3 * LINEAR
     if size > 3.0:
         assert found.normal_force == pytest.approx(force_by_newton(found), rel=1e-7)
+
+
+def test_once_contact_points_keep_their_pieces_few_equations_are_left() -> None:
+    """The derivative of a slip in space has entries beside its diagonal that are rounding: they change no piece."""
+    found = hv.solve(pressed(Coulomb(0.3)), "multigrid", rtol=1e-8).raise_for_status()
+    before, last = (one.residual for one in found.history[-3:-1])
+    assert last <= 0.01 * before
+
+
+def bolted(
+    above: tuple[int, int, int], below: tuple[int, int, int], friction: Friction, pull: float
+) -> hv.DiscreteProblem:
+    """Two plates, pressed together round two bolts; the lower one is held at an end, friction holds the upper one."""
+
+    def force(way: float) -> Callable[[np.ndarray], np.ndarray]:
+        def at(x: np.ndarray) -> np.ndarray:
+            near = np.minimum(*(np.hypot(x[:, 0] - bolt, x[:, 1] - 30.0) for bolt in (30.0, 90.0))) < 12.0
+            return near[:, None] * np.array([0.0, 0.0, way * 45.6])
+
+        return at
+
+    lower = hv.box((120.0, 60.0, 10.0), cells=below, origin=(0.0, 0.0, -10.0))
+    mesh = Mesh.assembled({"u": hv.box((120.0, 60.0, 10.0), cells=above), "l": lower})
+    touch = {"u:bottom": hv.Contact(hv.Signorini(), friction, against="l:top")}
+    loads = {"u:top": force(-1.0), "l:bottom": force(1.0), "u:right": (pull, 0.0, pull)}
+    return hv.discretize(
+        hv.ContactProblem(mesh, hv.Material.young(210e3, 0.3), touch, {"l:left": hv.Clamped()}, tractions=loads)
+    )
+
+
+def test_where_newtons_equation_leads_astray_another_way_is_taken_at_once() -> None:
+    """The second equation makes |F| a hundred times larger; halving its step led nowhere in 200 cycles."""
+    problem = bolted((15, 8, 2), (12, 6, 2), Coulomb(0.15), 4.0)
+    found, reference = (hv.solve(problem, one, rtol=1e-8).raise_for_status() for one in ("multigrid", "newton"))
+    assert found.fallbacks == 1
+    assert found.evaluations <= 130
+    assert found.energy < problem.energy(np.zeros(problem.unknowns))
+    assert found.energy == pytest.approx(reference.energy, rel=1e-7)
+
+
+def test_jumps_at_nodes_that_a_support_holds_ask_no_fewer_nodes() -> None:
+    """They come in the place of unknowns of the other body."""
+    problem = bolted((13, 7, 1), (17, 9, 1), Coulomb(0.15), 2.0)
+    found, reference = (hv.solve(problem, one, rtol=1e-8).raise_for_status() for one in ("multigrid", "newton"))
+    assert found.energy == pytest.approx(reference.energy, rel=1e-7)
 
 
 def pressed(friction: Friction) -> hv.DiscreteProblem:

@@ -40,6 +40,8 @@ _LABELS = 62
 _ROUNDED = 1e-12
 #: How many bodies may follow one another.
 _CHAIN = 3
+#: Rounding in a chosen unknown, which follows itself alone.
+_SAME = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +148,10 @@ def _least_squares(way: Array, square: Array, there: BoolArray) -> Array:
 
 
 def coarser_by_nodes(problem: DiscreteProblem, graph: LevelNodes) -> tuple[Coarser, LevelNodes] | None:
-    """The same contact problem on some of the nodes, and these; None where they are hardly fewer.
+    """The same contact problem on some of the nodes, and these.
 
-    The field of the coarser problem is one on the same mesh, of fewer unknowns.
+    None where they are hardly fewer, or where a jump comes in the place of an unknown of another node.  The field of
+    the coarser problem is one on the same mesh, of fewer unknowns.
     """
     field = problem.field
     assert field is not None
@@ -162,6 +165,8 @@ def coarser_by_nodes(problem: DiscreteProblem, graph: LevelNodes) -> tuple[Coars
     if chosen.sum() > _MOST * chosen.size or not chosen.any():
         return None
     prolongation = _prolongation(field, graph, kept, weights, chosen)
+    if abs(prolongation[chosen] - sp.eye_array(prolongation.shape[1])).max() > _SAME:
+        return None
     taken = np.flatnonzero(kept[place[problem.contact.node]]) if problem.contact.count else np.zeros(0, dtype=np.int64)
     contact = _contact(problem.contact, taken, place, weights, kept, chosen)
     if np.diff(contact.trace.indptr).sum() != np.diff(problem.contact.take(taken).trace.indptr).sum():
@@ -175,7 +180,8 @@ def coarser_by_nodes(problem: DiscreteProblem, graph: LevelNodes) -> tuple[Coars
         shift = np.asarray(field.lift @ (carried - field.prescribed))
         below = replace(below, prescribed=field.prescribed + field.basis @ shift)
     stiffness = sp.csr_array(prolongation.T @ problem.stiffness @ prolongation)
-    model = Model(Quadratic(stiffness), contact, Space((below,)), None, problem.model.resisted)
+    stiffness.sort_indices()
+    model = Model(Quadratic(stiffness, assembled=True), contact, Space((below,)), None, problem.model.resisted)
     loading = Loading(prolongation.T @ problem.load, problem.offset[taken], problem.law.take(taken), 0.0)
     coarse = DiscreteProblem(model, loading, (), None, True)
     return Coarser(coarse, prolongation, field, taken, {}, shift), left

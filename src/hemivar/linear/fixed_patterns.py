@@ -2,8 +2,9 @@
 
 With R the prolongation at the contact unknowns, I what their rows are times the prolongation, D ones where they are
 held, K the matrix between them and S what is added there, the coarse matrix changes by ``-(R'X + X'R)``, where
-``X = D I - (D K D + S) R / 2``; and the next coarser one, P being the prolongation to it, by ``-P'(R'X + X'R) P``.
-These products have patterns that no solve changes, so that the compiled kernels fill them in.
+``X = D I - (D K D + S) R / 2``. So does any coarser one, with the prolongations down to it in the place of that to the
+first: R and I of each level are found once, and only rows of X that are not zero cost anything. These products have
+patterns that no solve changes, so that the compiled kernels fill them in.
 """
 
 from __future__ import annotations
@@ -49,6 +50,10 @@ class _Pattern:
         kernels.add_product(left, right, (self.starts, self.columns, out), self.count)
         return out
 
+    def product(self, kernels: Kernels, left: sp.csr_array, right: sp.csr_array) -> sp.csr_array:
+        """The product of two matrices as a matrix that has all these places."""
+        return self.matrix(self.filled(kernels, narrow(left), narrow(right)))
+
     def matrix(self, values: Array) -> sp.csr_array:
         """The matrix with these numbers."""
         return sp.csr_array((values, self.columns, self.starts), shape=(self.starts.size - 1, self.count))
@@ -58,27 +63,25 @@ class _Pattern:
 class _CoarseLevel:
     """An algebraic level, and how a change comes to it from what is finer.
 
-    ``matrix (n, n)``; ``diagonal (n,)``: where its entries are; ``back (a, q)``: the part of the transfer, turned, by
-    which anything of the change reaches rows of this level; ``own``: the places of these rows; ``entries``: where they
-    are among those of the matrix; ``turned``: where each entry of the transpose is; ``transfer``: to the next coarser
-    level, none below the last; ``across``: places of these rows times it.
+    ``matrix (n, n)``; ``diagonal (n,)``: where its entries are; ``reach (q, n)``: R; ``images (q, n)``: I, on all
+    places of X; ``rows``: the row of each of these; ``back (a, q)``: the rows of ``R'`` that have entries; ``own``: the
+    places of these rows of the matrix; ``entries``: where they are among those of the matrix; ``turned``: where each
+    entry of the transpose is.
     """
 
     matrix: sp.csr_array
     diagonal: IntArray
+    reach: sp.csr_array
+    images: sp.csr_array
+    rows: IntArray
     back: sp.csr_array
     own: _Pattern
     entries: IntArray
     turned: IntArray
-    transfer: sp.csr_array | None
-    across: _Pattern | None
 
     @staticmethod
-    def of(
-        matrix: sp.csr_array, arriving: sp.csr_array, transfer: sp.csr_array | None
-    ) -> tuple[_CoarseLevel, IntArray]:
-        """The level, and the rows that a change reaches; ``arriving (q, n)`` leads from it to what is changed."""
-        back = narrow(sp.csr_array(arriving.T))
+    def of(matrix: sp.csr_array, reach: sp.csr_array, images: sp.csr_array) -> _CoarseLevel:
+        back = narrow(sp.csr_array(reach.T))
         rows = np.flatnonzero(np.diff(back.indptr)).astype(np.int64)
         starts, ends = matrix.indptr[rows], matrix.indptr[rows + 1]
         lengths = (ends - starts).astype(np.int64)
@@ -91,9 +94,19 @@ class _CoarseLevel:
             raise ValueError("the pattern of a level must be symmetric")
         of_row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
         diagonal = np.flatnonzero(of_row == matrix.indices)
-        across = None if transfer is None else _Pattern.of_product(own.matrix(np.ones(entries.size)), transfer)
+        held = np.repeat(np.arange(reach.shape[0]), np.diff(images.indptr))
         place = (turned.data - 1.0).astype(np.int64)
-        return _CoarseLevel(matrix, diagonal, narrow(back[rows]), own, entries, place, transfer, across), rows
+        return _CoarseLevel(matrix, diagonal, reach, images, held, narrow(back[rows]), own, entries, place)
+
+    def half(self, kernels: Kernels, held: BoolArray, between: sp.csr_array, some: BoolArray) -> Array:
+        """``R'X`` at the places of its rows, where unknowns are held, and ``between (q, q)`` is ``-(D K D + S) / 2``;
+        ``some (q,)``: rows of X that are not zero."""
+        places, back = _Pattern.of(self.images), self.back
+        begin = np.where(held[self.rows], self.images.data, 0.0)
+        right = places.matrix(places.filled(kernels, between, self.reach, begin))
+        left = back.data * some[back.indices]  # the kernel leaves out factors that are zero
+        left = sp.csr_array((left, back.indices, back.indptr), shape=back.shape)
+        return self.own.filled(kernels, left, right)
 
     def changed(self, half: Array, before: Array) -> Array:
         """The numbers of the matrix with a half of a change, and its transpose; unknowns that nothing is left of keep
@@ -118,10 +131,7 @@ class FixedChange:
     def __init__(self, kernels: Kernels, levels: Sequence[Level], transfers: Sequence[sp.csr_array]) -> None:
         self.kernels, top, P = kernels, levels[-1], transfers[-1]
         shape = (top.contact.size, top.matrix.shape[0])
-        rows = sp.csr_array((top.values, top.columns, top.first), shape=shape)
-        self.reach = narrow(sp.csr_array(P[top.contact]))
-        self.places = _Pattern.of_product(rows, P)  # SciPy leaves out sums that cancel
-        self.images = self.places.matrix(self.places.filled(kernels, narrow(rows), narrow(P)))
+        images = sp.csr_array((top.values, top.columns, top.first), shape=shape)
         inside = np.full(shape[1], -1)
         inside[top.contact] = np.arange(top.contact.size)
         column = inside[top.columns]
@@ -130,29 +140,21 @@ class FixedChange:
         starts = np.searchsorted(self.inner, top.first).astype(np.int32)
         self.between = _Pattern(top.contact.size, starts, column[self.inner].astype(np.int32))
         self.row, self.column, self.top = top.rows[self.inner], column[self.inner], top
-        self.held_row = np.repeat(np.arange(shape[0]), np.diff(self.places.starts))
         self.levels: list[tuple[_CoarseLevel, Array]] = []
-        arriving = self.reach
+        reach = narrow(sp.csr_array(P[top.contact]))
         for k in range(len(levels) - 2, -1, -1):
-            transfer = transfers[k - 1] if k else None
-            found, reached = _CoarseLevel.of(levels[k].matrix, arriving, transfer)
-            self.levels.append((found, levels[k].diagonal))
-            if transfer is not None:
-                arriving = sp.csr_array(transfer[reached])
+            P = transfers[k]
+            if self.levels:
+                reach = _Pattern.of_product(reach, P).product(kernels, reach, P)
+            images = _Pattern.of_product(images, P).product(kernels, images, P)  # SciPy leaves out sums that cancel
+            self.levels.append((_CoarseLevel.of(levels[k].matrix, reach, images), levels[k].diagonal))
 
     def of(self, held: BoolArray, added: Array) -> list[Array]:
         """The numbers of the matrices, from the finest of the levels down; ``added`` at the places of the coupling."""
-        kernels, top = self.kernels, self.top
+        top = self.top
         extra = np.zeros(top.values.size)
         extra[top.added] = added
         both = np.where(held[self.row] & held[self.column], top.values[self.inner], 0.0) + extra[self.inner]
-        begin = np.where(held[self.held_row], self.images.data, 0.0)
-        between = self.between.matrix(-0.5 * both)
-        right = self.places.matrix(self.places.filled(kernels, between, self.reach, begin))
-        found = []
-        for level, before in self.levels:
-            half = level.own.filled(kernels, level.back, right)
-            found.append(level.changed(half, before))
-            if level.transfer is not None and level.across is not None:
-                right = level.across.matrix(level.across.filled(kernels, level.own.matrix(half), level.transfer))
-        return found
+        between, some = self.between.matrix(-0.5 * both), held.copy()
+        some[self.row[both != 0.0]] = True
+        return [level.changed(level.half(self.kernels, held, between, some), before) for level, before in self.levels]

@@ -6,6 +6,7 @@ and |F| is what falls.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -42,8 +43,12 @@ _HIDDEN = 1e-6
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
 _FIRST, _SETTLED = 0.1, 1e-3
-#: What may be left of |F| where it was solved to that, F being straight.
-_STRAIGHT = 2.0 * _SETTLED
+#: How much more may be left of |F| than of Newton's equation where F is straight.
+_STRAIGHT = 2.0
+#: Part of the load that a step of the fixed point leaves from where Newton's equation begins again.
+_ROUGH = 1e-3
+#: How often larger a whole step may make |F|: Newton's equation leads astray beyond that.
+_ASTRAY = 30.0
 #: Part of the tolerance to which it is solved at the least, and the tightest one, relative to the load.
 _AIM, _TIGHTEST = 0.1, 1e-13
 #: Part of the energy norm up to which states are the same.
@@ -161,7 +166,7 @@ class SemismoothNewton(Solver):
         point = None if search is None else search.at(start.r)
         if search is None or point is None:
             return self._fixed(system, start, start, budget)
-        way = _Way(start, search, replace(point, same=self.settled))
+        way = _Way(start, search, replace(point, part=_SETTLED if self.settled else _FIRST))
         return self._at(system, point, way, State(start.r, start.lam, 1))
 
     @property
@@ -187,13 +192,13 @@ class SemismoothNewton(Solver):
         search, point = way.search, way.point
         assert search is not None
         assert point is not None
-        if point.off <= search.rounding(point):
+        if search.rounded(point):
             return replace(state, ended=Status.STALLED)
         fallbacks, new = state.fallbacks, None
         if way.rounds < self.rounds and not _creeps(way.past):
             # Where glue lets go |F| creeps along; a step of the fixed point, whose energy falls, leads past that.
             tries = 1 if search.softens and not way.frozen else self.halvings
-            new = search.lower(point, tries, budget)
+            new = search.lower(point, tries, budget, math.inf if way.frozen else _ASTRAY)
         if new is None and not way.frozen:
             return self._frozen(system, way, state, budget)
         if new is None:
@@ -253,9 +258,11 @@ class SemismoothNewton(Solver):
     def _frozen(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
         """A step of the fixed point, whose energy falls from any start; Newton's equation goes on from there."""
         assert way.search is not None
-        begun = self.fallback.begin(system, way.start, budget)
-        found = self.fallback.step(system, begun, budget)
-        self.fallback.release(found)
+        inner = self.fallback.inner
+        inner = replace(inner, tolerance=_AIM * _ROUGH) if isinstance(inner, NonsmoothMultigrid) else inner
+        rough = replace(self.fallback, inner=inner, inner_rtol=max(_ROUGH, self.fallback.inner_rtol))
+        found = rough.step(system, rough.begin(system, way.start, budget), budget)
+        rough.release(found)
         found = replace(found, evaluations=state.evaluations + found.evaluations, fallbacks=state.fallbacks + 1)
         point = None if found.ended is not None else way.search.at(found.r)
         if point is None:
@@ -291,7 +298,7 @@ class SemismoothNewton(Solver):
         """The solution that Newton's equation leads to from a point."""
         point, cycles, past = search.at(x), 0, list[float]()
         for _ in range(self.rounds):
-            if point is None or point.off <= search.rounding(point):
+            if point is None or search.rounded(point):
                 return None if point is None else replace(point, cycles=cycles)
             past.append(point.off)
             if _creeps(past):
@@ -307,9 +314,8 @@ class _Place(GraphPoint):
     """A point, and how far it is off the laws and its own equilibrium."""
 
     off: float = np.inf  # |F|, as a force
-    same: bool = False  # whether the components that move are those of the point before
     cycles: int = 0  # what it cost to come there from the point before
-    straight: bool = False  # whether F has fallen on the way as if it were straight: what is left is solved to the end
+    part: float = _FIRST  # of |F|, which Newton's equation leaves here
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,34 +335,38 @@ class _Search:
         """Give the memory of Newton's equation back."""
         self.equation.equation.release()
 
-    def rounding(self, point: GraphPoint, sizes: Array | None = None) -> float:
-        """What rounding leaves in F, of an answer, or of what has these sizes."""
+    def rounded(self, place: _Place) -> bool:
+        """Whether |F| is what rounding leaves of it in an answer; the sizes of a point are no smaller, and known."""
         system = self.equation.system
-        sizes = system.answer_sizes(point.x) if sizes is None else sizes
+        if place.off > self._rounding(place, system.rounding_sizes(place.x)):
+            return False
+        return place.off <= self._rounding(place, system.answer_sizes(place.x))
+
+    def _rounding(self, point: GraphPoint, sizes: Array) -> float:
+        """What rounding leaves in F of what has these sizes."""
+        system = self.equation.system
         return _ROUNDING * float(system.vectors.norms(sizes, system.weights[:, None] * point.lam).sum())
 
     def tells(self, point: GraphPoint) -> bool:
         """Whether |F| shows anything: it shows nothing so far away that rounding is a part of the load."""
         system = self.equation.system
         size = float(system.vectors.norms(system.weights[:, None] * point.lam)[0])
-        return self.rounding(point, system.rounding_sizes(point.x)) <= _HIDDEN * system.load_scale.of(size)
+        return self._rounding(point, system.rounding_sizes(point.x)) <= _HIDDEN * system.load_scale.of(size)
 
-    def at(
-        self, x: Array, before: GraphPoint | None = None, cycles: int = 0, force: Array | None = None
-    ) -> _Place | None:
+    def at(self, x: Array, cycles: int = 0, force: Array | None = None) -> _Place | None:
         """A point with |F|, ``force`` being what is out of balance there; None where that is not known."""
         point, system = self.equation.at(x, force), self.equation.system
         if point is None or point.force is None:
             return None
         rest = system.less_contact(point.force, system.weights[:, None] * point.lam)
         off = norm(system.vectors.norms(self.equation.missed(point), rest))
-        same = before is not None and np.array_equal(before.on.jacobian != 0.0, point.on.jacobian != 0.0)
-        return _Place(**vars(point), off=off, same=same, cycles=cycles) if np.isfinite(off) else None
+        return _Place(**vars(point), off=off, cycles=cycles) if np.isfinite(off) else None
 
-    def lower(self, place: _Place, halvings: int, budget: Budget) -> _Place | None:
-        """The place after a step that lowers |F|; None where there is none."""
-        enough = 0.0 if place.straight else (_SETTLED if place.same else _FIRST) * place.off
-        accuracy = replace(self.accuracy, absolute=self.accuracy.absolute + enough, due=budget.due)
+    def lower(self, place: _Place, halvings: int, budget: Budget, astray: float = math.inf) -> _Place | None:
+        """The place after a step that lowers |F|; None where there is none, or where |F| grows beyond ``astray`` times
+        itself along the whole of it."""
+        accuracy = self.accuracy
+        accuracy = replace(accuracy, absolute=accuracy.absolute + place.part * place.off, due=budget.due)
         found = self.equation.step(place, accuracy)
         budget.check()
         if found is None:
@@ -364,11 +374,21 @@ class _Search:
         (end, force, cycles), length, first = found, 1.0, place.x
         for halved in range(halvings):
             x = first + length * (end - first) if halved else end
-            new = self.at(x, place, cycles, None if halved else self.equation.system.refreshed(x, force))
+            new = self.at(x, cycles, None if halved else self.equation.system.refreshed(x, force))
             if new is not None and new.off < (1.0 - _FALLS * length) * place.off and self.tells(new):
-                return replace(new, straight=new.same and new.off <= _STRAIGHT * place.off)
+                return replace(new, part=_part(place, new))
+            if not halved and new is not None and new.off > astray * place.off:
+                return None
             length *= 0.5
         return None
+
+
+def _part(before: _Place, place: _Place) -> float:
+    """See :class:`_Place`: less where what moves is what moved before, and |F| has fallen as it was solved."""
+    moving = [np.einsum("mii->mi", one.on.jacobian) != 0.0 for one in (before, place)]  # entries beside may be rounding
+    if not np.array_equal(*moving) or place.off > _STRAIGHT * _FIRST * before.off:
+        return _FIRST
+    return _SETTLED if place.off > _STRAIGHT * _SETTLED * before.off else 0.0
 
 
 @dataclass(frozen=True, eq=False)
