@@ -48,6 +48,7 @@ from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.lift import lifted
 from hemivar.fem.locking import locking_warning
 from hemivar.fem.mass import bedding_share, body_blocks, per_volume
+from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
 from hemivar.mechanics.obstacles import refuse_inside
@@ -236,6 +237,8 @@ def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
             f"{' and '.join(depends)} of the problem depend{'s' if len(depends) == 1 else ''} on time; take the "
             "problem at one time, problem.at_time(0.0), or go through time (a table [time] in a problem file)"
         )
+    if evolving and problem.stiffening:
+        refuse_stiffening(problem, "an evolution")
     for name, contact in problem.contact.items():
         if (contact.damping is not None or contact.memory) and not evolving:
             what = "damping" if contact.damping is not None else "memory"

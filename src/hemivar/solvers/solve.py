@@ -41,6 +41,7 @@ from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.sliding import told_of_slides
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
+from hemivar.solvers.stiffening import stiffening, stiffens
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import CondensedProblem
@@ -157,6 +158,8 @@ def solving(
     workspace = Workspace.given(workspace)
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
+    if stiffens(problem):
+        return (yield from stiffening(problem, partial(_held, method, workspace), controls or Controls(), initial))
     solver = default_method(problem, workspace) if given is None else _for_body(given, problem)
     controls = Controls() if controls is None else controls
     solver = solver if problem.limit is None else solver.downhill()
@@ -178,6 +181,13 @@ def solving(
     if found.status is Status.CONVERGED and found.residual.excused(controls.atol, controls.rtol):
         said.append(_ROUNDED.format(found.residual.total, found.residual.scale, found.residual.rounding))
     return replace(found, remarks=(*found.remarks, *said)) if said else found
+
+
+def _held(
+    method: Solver | str | None, workspace: Workspace, problem: DiscreteProblem, controls: Controls, place: Array | None
+) -> Generator[Progress, bool | None, Solution]:
+    """The solution with the stress of a place held, or without any."""
+    return (yield from solving(problem, method, controls, initial=place, workspace=workspace))
 
 
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:

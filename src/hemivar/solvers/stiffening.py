@@ -1,0 +1,177 @@
+"""Bodies that the stress of their load stiffens or softens: the stress is held, solved with, and followed."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from hemivar.basics.deadline import Budget
+from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import contact_compliance, residual
+from hemivar.errors import ProblemError
+from hemivar.fem.load_line import LoadLine
+from hemivar.fem.stress_stiffness import Stressed, stressed_problem
+from hemivar.linear.definite import indefinite, lowest_quotient
+from hemivar.solvers.choice import affordable
+from hemivar.solvers.controls import Controls, Progress
+from hemivar.solvers.solution import Solution
+from hemivar.solvers.status import Status
+
+__all__ = ["stiffening", "stiffens"]
+
+#: Most stresses that are tried one after the other.
+_OUTER = 40
+#: Part of the load whose answer, made larger, has the first stress where a law softens: nothing has softened there.
+_LITTLE = 1e-3
+#: Springs in the place of contact that holds, in units of the largest diagonal stiffness.
+_HELD = 1e6
+#: Unknowns up to which all eigenvalues are computed.
+_DENSE = 400
+
+_Solving = Generator[Progress, bool | None, Solution]
+
+
+class Ordinary(Protocol):
+    """The solution of a problem whose stress is held."""
+
+    def __call__(self, problem: DiscreteProblem, controls: Controls, initial: Array | None) -> _Solving:
+        """Step by step, as :func:`hemivar.solvers.solve.solving`."""
+
+
+def stiffens(problem: DiscreteProblem) -> bool:
+    """Whether the stress of the load is to be counted, and is not held already."""
+    stated = problem.origin
+    return stated is not None and stated.stiffening and not isinstance(problem.model.parts, Stressed)
+
+
+def stiffening(
+    problem: DiscreteProblem, ordinary: Ordinary, controls: Controls, initial: Solution | Array | None
+) -> _Solving:
+    """The solution whose stress is that in its own stiffness: the secant iteration ``(K + K_s(u_k)) u_k+1 = f``.
+
+    It ends where the residual with the stress of the answer itself is below the tolerance.
+
+    Raises
+    ------
+    ProblemError
+        The stiffness with that stress is not definite: the body buckles.
+    """
+    budget, plain, found = Budget(controls.max_time), _unstressed(problem), None
+    place = initial.unknowns if isinstance(initial, Solution) else initial
+    place = place if place is not None else (yield from _first_place(plain, ordinary, controls))
+    steps = evaluations = 0
+    for _ in range(_OUTER):
+        posed = plain if place is None else _stressed(problem, place)
+        if found is not None:
+            left = residual(posed, found.unknowns, found.multiplier)
+            if left.below(controls.atol, controls.rtol):
+                _refuse_buckled(posed, found.unknowns, found.multiplier)
+                return replace(found, problem=posed, residual=left, steps=steps, evaluations=evaluations)
+        try:
+            left_time = replace(controls, max_time=max(controls.max_time - budget.spent, 0.0))
+            found = yield from ordinary(posed, left_time, place)
+        except ProblemError:
+            if place is not None:
+                _refuse_buckled(posed, place)
+            raise
+        steps, evaluations = steps + found.steps, evaluations + found.evaluations
+        if found.status is not Status.CONVERGED:
+            if place is not None:
+                _refuse_buckled(posed, place)
+            return found
+        place = found.unknowns
+    return replace(found, status=Status.MAX_STEPS)
+
+
+def _unstressed(problem: DiscreteProblem) -> DiscreteProblem:
+    """The problem, which the stress of its load does not stiffen."""
+    assert problem.origin is not None
+    return problem.on_the_same(replace(problem.model, origin=replace(problem.origin, stiffening=False)))
+
+
+def _first_place(
+    problem: DiscreteProblem, ordinary: Ordinary, controls: Controls
+) -> Generator[Progress, bool | None, Array | None]:
+    """Unknowns (n,) whose stress is held first; none where the body without its stress gives them.
+
+    Without stiffening, glue may fail under a load that it carries with it.
+    """
+    if not problem.contact_points or not problem.law.softens:
+        return None
+    try:
+        little = yield from ordinary(LoadLine.to(problem).at(_LITTLE), controls, None)
+    except ProblemError:
+        return None
+    return little.unknowns / _LITTLE if little.status is Status.CONVERGED else None
+
+
+def _stressed(problem: DiscreteProblem, place: Array) -> DiscreteProblem:
+    try:
+        return stressed_problem(problem, place)
+    except ProblemError:
+        raise _buckles(None) from None
+
+
+def _refuse_buckled(posed: DiscreteProblem, place: Array, multiplier: Array | None = None) -> None:
+    """Refuse a place (n,) at which stiffness, stress and contact together are not definite, though without stress they
+    are."""
+    parts = posed.model.parts
+    if not isinstance(parts, Stressed):
+        return
+    contact = _contact_stiffness(posed, place, multiplier)
+    own, whole = sp.csr_array(parts.problem.stiffness + contact), sp.csr_array(posed.stiffness + contact)
+    if not affordable(posed):
+        if lowest_quotient(whole) < 0.0 <= lowest_quotient(own):
+            raise _buckles(None)
+    elif indefinite(whole) is not None and indefinite(own) is None:
+        raise _buckles(_factor(own, sp.csr_array(own - whole)))
+
+
+def _contact_stiffness(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> sp.csr_array:
+    """What contact adds to the stiffness (n, n) at a place (n,): stiff springs where it holds at a kink of its law."""
+    contact, r = problem.contact, problem.local(place)
+    law = problem.law.frozen_at(r) if multiplier is None else problem.law.frozen(r, multiplier)
+    if multiplier is not None:
+        r = law.fitted(r, multiplier, contact_compliance(problem))
+    line = law.linearise(r)
+    m, c = contact.shape
+    smooth = line.smooth[:, [0, *([1] * (c - 1))]]
+    held = np.where(smooth, 0.0, _HELD * problem.linear.diagonal_range[1])
+    own = contact.weights[:, None, None] * line.hessian + held[:, :, None] * np.eye(c)
+    rows = sp.bsr_array((own, np.arange(m), np.arange(m + 1)), shape=(m * c, m * c))
+    return sp.csr_array(contact.trace.T @ (rows @ contact.trace))
+
+
+def _factor(own: sp.csr_array, falls: sp.csr_array) -> float | None:
+    """The least positive t with ``own - t falls`` singular, own being definite; None where it is not found."""
+    with IMPORTS:
+        import scipy.sparse.linalg as spla  # only here: most bodies start without it
+
+    n = own.shape[0]
+    if n <= _DENSE:
+        largest = float(la.eigh(falls.toarray(), own.toarray(), eigvals_only=True, subset_by_index=[n - 1, n - 1])[0])
+        return 1.0 / largest if largest > 0.0 else None
+    inverse = spla.LinearOperator(own.shape, matvec=spla.splu(sp.csc_array(own)).solve, dtype=float)
+    start = np.random.default_rng(13).standard_normal(n)
+    try:
+        largest = float(
+            spla.eigsh(falls, k=1, M=own, Minv=inverse, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)[0]
+        )
+    except spla.ArpackError:
+        return None
+    return 1.0 / largest if largest > 0.0 else None
+
+
+def _buckles(factor: float | None) -> ProblemError:
+    at = "" if factor is None else f", at about {factor:.3g} of this load"
+    return ProblemError(
+        f"the body buckles under its load{at}: with the stress of the load its stiffness is not definite; take a "
+        "smaller load, hold the body at more places, or make it thicker"
+    )
