@@ -237,7 +237,7 @@ def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
             f"{' and '.join(depends)} of the problem depend{'s' if len(depends) == 1 else ''} on time; take the "
             "problem at one time, problem.at_time(0.0), or go through time (a table [time] in a problem file)"
         )
-    if evolving and problem.stiffening:
+    if evolving:
         refuse_stiffening(problem, "an evolution")
     for name, contact in problem.contact.items():
         if (contact.damping is not None or contact.memory) and not evolving:

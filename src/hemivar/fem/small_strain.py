@@ -88,9 +88,9 @@ def deformation_of(problem: DiscreteProblem, unknowns: Array) -> Deformation | N
     own, stiffened = deformation(problem.origin, moved), stiffened_by(problem, moved)
     if vectors.alone:
         return replace(own, stiffening=stiffened)
-    return Deformation(
-        *vectors.largest(own.strain, own.rotation).tolist(), *vectors.total(own.volume, own.whole).tolist(), stiffened
-    )
+    strain, rotation = vectors.largest(own.strain, own.rotation).tolist()
+    volume, whole = vectors.total(own.volume, own.whole).tolist()
+    return Deformation(strain, rotation, volume, whole, stiffened)
 
 
 def slid_beyond(problem: DiscreteProblem, unknowns: Array) -> str | None:

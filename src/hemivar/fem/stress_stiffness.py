@@ -120,8 +120,10 @@ def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
 
 
 def refuse_stiffening(problem: object, what: str) -> None:
-    """Refuse stress stiffening where it is not available."""
-    stated = problem.origin if isinstance(problem, DiscreteProblem) else problem
+    """Refuse stress stiffening where it is not available; a stress that is held does no harm."""
+    stated = problem
+    if isinstance(problem, DiscreteProblem):
+        stated = None if isinstance(problem.model.parts, Stressed) else problem.origin
     if isinstance(stated, ContactProblem) and stated.stiffening:
         raise ProblemError(
             f"{what} is not available with stress stiffening, which is for single loads at rest; leave stiffening out, "

@@ -194,8 +194,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         default=False,
         metadata=stated(
             Form.FLAG,
-            "`true`: the stress of the load itself stiffens or softens the body, as tension does that straightens a lap "
-            "joint; one load at rest of a linear body",
+            "`true`: the stress of the load itself stiffens or softens the body, as tension straightens a lap joint; "
+            "for single loads at rest, linear materials, the plane and space",
             table="loads",
         ),
     )  # fmt: skip

@@ -48,7 +48,7 @@ from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_moves import best_component
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["default_method", "method_for", "solve", "solving", "suited"]
+__all__ = ["default_method", "method_for", "solve", "solving", "suited", "with_stress_held"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
@@ -159,7 +159,11 @@ def solving(
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
     if stiffens(problem):
-        return (yield from stiffening(problem, partial(_held, method, workspace), controls or Controls(), initial))
+        return (
+            yield from stiffening(
+                problem, partial(with_stress_held, method, workspace), controls or Controls(), initial
+            )
+        )
     solver = default_method(problem, workspace) if given is None else _for_body(given, problem)
     controls = Controls() if controls is None else controls
     solver = solver if problem.limit is None else solver.downhill()
@@ -183,7 +187,7 @@ def solving(
     return replace(found, remarks=(*found.remarks, *said)) if said else found
 
 
-def _held(
+def with_stress_held(
     method: Solver | str | None, workspace: Workspace, problem: DiscreteProblem, controls: Controls, place: Array | None
 ) -> Generator[Progress, bool | None, Solution]:
     """The solution with the stress of a place held, or without any."""

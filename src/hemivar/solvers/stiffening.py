@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.deadline import Budget
 from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance, residual
@@ -19,12 +20,14 @@ from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import Stressed, stressed_problem
 from hemivar.linear.definite import indefinite, lowest_quotient
+from hemivar.solvers.base import State
 from hemivar.solvers.choice import affordable
 from hemivar.solvers.controls import Controls, Progress
+from hemivar.solvers.load_stepping import Climb, LoadStepping
 from hemivar.solvers.solution import Solution
-from hemivar.solvers.status import Status
+from hemivar.solvers.status import STOPPED, Status
 
-__all__ = ["stiffening", "stiffens"]
+__all__ = ["StressedClimb", "stiffening", "stiffens"]
 
 #: Most stresses that are tried one after the other.
 _OUTER = 40
@@ -36,6 +39,10 @@ _HELD = 1e6
 _DENSE = 400
 
 _Solving = Generator[Progress, bool | None, Solution]
+
+
+class Buckled(ProblemError):  # noqa: N818 - a state of the body, which a growing load ends at
+    """A stiffness with the stress of the load is not definite."""
 
 
 class Ordinary(Protocol):
@@ -60,34 +67,80 @@ def stiffening(
 
     Raises
     ------
-    ProblemError
+    Buckled
         The stiffness with that stress is not definite: the body buckles.
     """
-    budget, plain, found = Budget(controls.max_time), _unstressed(problem), None
+    budget = Budget(controls.max_time)
     place = initial.unknowns if isinstance(initial, Solution) else initial
+    found = yield from _iterated(problem, ordinary, controls, place)
+    lost = place is None and problem.limit is not None and found.status not in (Status.CONVERGED, *STOPPED)
+    return _climbed(problem, found, ordinary, budget) if lost else found
+
+
+def _iterated(problem: DiscreteProblem, ordinary: Ordinary, controls: Controls, place: Array | None) -> _Solving:
+    """The secant iteration from a place (n,) on."""
+    budget, plain, found = Budget(controls.max_time), _unstressed(problem), None
     place = place if place is not None else (yield from _first_place(plain, ordinary, controls))
     steps = evaluations = 0
     for _ in range(_OUTER):
         posed = plain if place is None else _stressed(problem, place)
-        if found is not None:
-            left = residual(posed, found.unknowns, found.multiplier)
-            if left.below(controls.atol, controls.rtol):
-                _refuse_buckled(posed, found.unknowns, found.multiplier)
-                return replace(found, problem=posed, residual=left, steps=steps, evaluations=evaluations)
+        left = None if found is None else residual(posed, found.unknowns, found.multiplier)
+        if found is not None and left is not None and left.below(controls.atol, controls.rtol):
+            _refuse_buckled(posed, found.unknowns, found.multiplier)
+            return replace(found, problem=posed, residual=left)
         try:
-            left_time = replace(controls, max_time=max(controls.max_time - budget.spent, 0.0))
-            found = yield from ordinary(posed, left_time, place)
+            now = replace(controls, max_time=max(controls.max_time - budget.spent, 0.0))
+            found = yield from ordinary(posed, now, place)
         except ProblemError:
             if place is not None:
                 _refuse_buckled(posed, place)
             raise
         steps, evaluations = steps + found.steps, evaluations + found.evaluations
+        found = replace(found, steps=steps, evaluations=evaluations)
         if found.status is not Status.CONVERGED:
             if place is not None:
                 _refuse_buckled(posed, place)
             return found
         place = found.unknowns
+    assert found is not None
     return replace(found, status=Status.MAX_STEPS)
+
+
+def _climbed(problem: DiscreteProblem, found: Solution, ordinary: Ordinary, budget: Budget) -> Solution:
+    """The solution while the load grows, of which the last one is the start; where none was found at once."""
+    climb = StressedClimb(LoadStepping(), LoadLine.to(problem), budget, ordinary=ordinary)
+    reached = result_of(climb.up(climb.at_rest))
+    if reached.low == 1.0:
+        last: Solution = reached.at.memory[1]
+        return replace(last, steps=found.steps + last.steps, evaluations=found.evaluations + last.evaluations)
+    status = reached.status if reached.status in STOPPED else Status.NOT_CARRIED
+    return replace(found, status=status, carried=(reached.low, reached.failed))
+
+
+@dataclass(frozen=True, eq=False)
+class StressedClimb(Climb):
+    """Equilibria of a body that its stress stiffens, each the start of the next; points are all unknowns (n,)."""
+
+    ordinary: Ordinary = field(kw_only=True)
+
+    @property
+    def at_rest(self) -> State:
+        """Where it begins."""
+        loaded = self.line.loaded
+        return State(np.zeros(loaded.unknowns), np.zeros(loaded.contact.shape))
+
+    def _to(self, factor: float, start: State) -> tuple[State, Status]:
+        if factor == 0.0 and self.line.unloaded is None:
+            return start, Status.CONVERGED
+        low = start.memory[0] if start.memory else 0.0
+        place = factor / low * start.r if low else None
+        try:
+            controls = Controls(rtol=self.method.rtol, max_time=self.budget.left)
+            found = result_of(_iterated(self.line.at(factor), self.ordinary, controls, place))
+        except Buckled:
+            return start, Status.NOT_CARRIED
+        evaluations = start.evaluations + found.evaluations
+        return State(found.unknowns, found.multiplier, evaluations, memory=(factor, found)), found.status
 
 
 def _unstressed(problem: DiscreteProblem) -> DiscreteProblem:
@@ -169,9 +222,9 @@ def _factor(own: sp.csr_array, falls: sp.csr_array) -> float | None:
     return 1.0 / largest if largest > 0.0 else None
 
 
-def _buckles(factor: float | None) -> ProblemError:
+def _buckles(factor: float | None) -> Buckled:
     at = "" if factor is None else f", at about {factor:.3g} of this load"
-    return ProblemError(
+    return Buckled(
         f"the body buckles under its load{at}: with the stress of the load its stiffness is not definite; take a "
         "smaller load, hold the body at more places, or make it thicker"
     )
