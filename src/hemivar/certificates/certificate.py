@@ -18,7 +18,7 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound
 from hemivar.certificates.kind import LocalStudy, study
-from hemivar.certificates.linear_bodies import convex_body
+from hemivar.certificates.linear_bodies import STRESSED, convex_body, lower_bound_by
 from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.certificates.rigid_motions import motion_left
 from hemivar.certificates.smallness import (
@@ -35,7 +35,6 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import inaccurate_law, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.small_strain import deformation_of
-from hemivar.fem.stress_stiffness import Stressed
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.systems.workspace import Workspace
@@ -146,7 +145,7 @@ def certify(
     energy = energy_norm(problem, kept) if factor is None else factor
     if energy.diagonal.size != problem.unknowns:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
-    if not energy.definite and not _stress_held(problem):
+    if not energy.definite and lower_bound_by(problem) != STRESSED:
         refuse_indefinite(energy.indefinite)
     if multiplier is None:
         lam = _multiplier(problem, u)
@@ -162,18 +161,6 @@ def certify(
     if distance is None:
         return found
     return replace(found, exact=distance(problem, u, max_time=budget.left, workspace=kept))
-
-
-#: What a certificate does not cover where stress stiffens the body.
-_HELD = (
-    "the stress of the load is held as it is here: kind, margin and bounds are those of the body with that stress, and "
-    "no energy stands behind this equilibrium"
-)
-
-
-def _stress_held(problem: DiscreteProblem) -> bool:
-    """Whether the stiffness has the stress of a load in it."""
-    return isinstance(problem.model.parts, Stressed)
 
 
 _Classified = tuple[PointKind, bool | str | None, LocalStudy | None]
@@ -281,7 +268,7 @@ def certified(
     bound = in_time("error bound", lambda: error_bound(point, constants.margin) if proved else _unproved(), np.inf)
     nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, tolerance, stationary), nothing)
-    if unique is True and _stress_held(problem):
+    if unique is True and constants.stiffness_by == STRESSED:
         kind, unique = PointKind.LOCAL_MINIMISER, "the only one with this stress"
     if kept is not None:
         asked = constants
@@ -291,7 +278,6 @@ def certified(
     size = energy.norm(u)
     deformed = deformation_of(problem, u)
     strained = None if deformed is None else deformed.warning
-    held = _HELD if _stress_held(problem) else None
     inaccurate = None if stationary else inaccurate_law(problem, u, lam, found)
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)
@@ -316,7 +302,7 @@ def certified(
         smallness=constants,
         method=energy.by.method,
         seconds=budget.spent,
-        warnings=tuple(said for said in (*problem.notes, held, strained, outside, inaccurate) if said),
+        warnings=tuple(said for said in (*problem.notes, strained, outside, inaccurate) if said),
         error_bound_sampled=constants.sampled or bool(constants.within),
         left_out=tuple(left_out),
         apart=not energy.at_hand,

@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect, quoted
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, Record
-from hemivar.certificates.linear_bodies import STATED, UNKNOWN
+from hemivar.certificates.linear_bodies import STATED, STRESSED, UNKNOWN
 from hemivar.certificates.smallness import Smallness
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.residual import Residual
@@ -346,7 +346,7 @@ def _without_margin(constants: Smallness) -> str:
         return "strains may lie outside of the reach of the material"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
-    if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled:
+    if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled and constants.stiffness_by != STRESSED:
         return (
             "the supports alone do not constrain the body; because its laws are convex, solutions differ by rigid "
             "motions only"
@@ -355,9 +355,14 @@ def _without_margin(constants: Smallness) -> str:
 
 
 def lower_bound_words(found_by: str) -> str:
-    """What the norms of a body that is not linear are, in words."""
+    """What the norms of a body that is not linear, or under stress, are, in words."""
     if found_by == UNKNOWN:
         return "not linear: norms are those of its stiffness at rest, and bound nothing"
+    if found_by == STRESSED:
+        return (
+            "with the stress of its load held as it is here: kind, margin and bounds are those of this stiffness, and "
+            "no energy stands behind the equilibrium"
+        )
     how = {
         BoundsBy.SAMPLED.value: "known from samples only: margin and distance are estimates",
         STATED: "as stated by its author",

@@ -107,7 +107,10 @@ def discretize(
     if isinstance(given, DiscreteProblem):
         raise ProblemError("this problem is already discrete; solve it, or discretize its continuous problem")
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    return _discretize(expect(given, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
+    stated = expect(given, ContactProblem, "what to discretize", remedy)
+    if evolving:
+        refuse_stiffening(stated, "an evolution")
+    return _discretize(stated, check_coercivity, evolving)
 
 
 def coarse_problem(problem: ContactProblem, start: Array, pairs: Mapping[str, BoundaryContact]) -> DiscreteProblem:
@@ -237,8 +240,6 @@ def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
             f"{' and '.join(depends)} of the problem depend{'s' if len(depends) == 1 else ''} on time; take the "
             "problem at one time, problem.at_time(0.0), or go through time (a table [time] in a problem file)"
         )
-    if evolving:
-        refuse_stiffening(problem, "an evolution")
     for name, contact in problem.contact.items():
         if (contact.damping is not None or contact.memory) and not evolving:
             what = "damping" if contact.damping is not None else "memory"

@@ -195,7 +195,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         metadata=stated(
             Form.FLAG,
             "`true`: the stress of the load itself stiffens or softens the body, as tension straightens a lap joint; "
-            "for single loads at rest, linear materials, the plane and space",
+            "for single loads at rest, linear materials, 2D and 3D",
             table="loads",
         ),
     )  # fmt: skip
@@ -369,9 +369,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             else "a material that is not linear"
         )  # fmt: skip
         if what:
-            raise ProblemError(
-                f"stiffening is for linear bodies in the plane and in space, not for {what}; leave it out"
-            )
+            raise ProblemError(f"stiffening is for linear bodies in 2D and in 3D, not for {what}; leave it out")
 
     def _check_half_section(self) -> None:
         """Refuse what is no half of a section of a body of revolution."""
