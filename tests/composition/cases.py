@@ -308,6 +308,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
     "resting": _resting,
     "pair": _pair,
+    "stiffened": lambda contact, up: _plane(contact, up, stiffening=True),
     "glued inside": _glued,
     "parts": _parts,
     "membrane": _membrane,

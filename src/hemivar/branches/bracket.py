@@ -21,6 +21,7 @@ from hemivar.fem import LoadLine
 from hemivar.fem.growing import growing
 from hemivar.fem.load_line import load_names
 from hemivar.fem.posed import Posable
+from hemivar.fem.stress_stiffness import stiffens
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.solvers.base import PosedSystem, State
@@ -28,7 +29,7 @@ from hemivar.solvers.choice import affordable
 from hemivar.solvers.load_stepping import Reached, SystemClimb
 from hemivar.solvers.solve import default_method, with_stress_held
 from hemivar.solvers.status import STOPPED
-from hemivar.solvers.stiffening import StressedClimb, stiffens
+from hemivar.solvers.stiffening import StressedClimb
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]

@@ -275,7 +275,10 @@ def _distance(c: Certificate) -> str:
     if not math.isfinite(c.error_bound):
         late = "margin" in c.left_out or "error bound" in c.left_out
         why = "the margin is not shown" if c.apart else "the time limit was reached"
-        return f"no bound, because {why if late else 'the margin is not positive'}"
+        else_why = (
+            "the stress follows the answer" if constants.stiffness_by == STRESSED else "the margin is not positive"
+        )
+        return f"no bound, because {why if late else else_why}"
     size = f"{c.error_bound:.2e}, relative {c.error_bound_relative:.1e},"
     if not c.error_bound_sampled:
         return f"at most {size} to the exact discrete solution"
@@ -360,8 +363,8 @@ def lower_bound_words(found_by: str) -> str:
         return "not linear: norms are those of its stiffness at rest, and bound nothing"
     if found_by == STRESSED:
         return (
-            "with the stress of its load held as it is here: kind, margin and bounds are those of this stiffness, and "
-            "no energy stands behind the equilibrium"
+            "with the stress of its load held as it is here: kind and margin are those of this stiffness, and no "
+            "energy stands behind the equilibrium"
         )
     how = {
         BoundsBy.SAMPLED.value: "known from samples only: margin and distance are estimates",

@@ -24,7 +24,7 @@ from hemivar.fem.energy_integral import NodalEnergy, _not_by_points
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Stressed", "refuse_stiffening", "stiffened_by", "stressed_problem", "works_of_stress"]
+__all__ = ["Stressed", "refuse_stiffening", "stiffened_by", "stiffens", "stressed_problem", "works_of_stress"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +59,12 @@ def _stress(energy: NodalEnergy, strain: Array, cells: slice | IntArray) -> tupl
     """Stresses (k, q, d, d) at the points of some cells, and the weights (q,) of these."""
     stress, weights = energy.at(energy.law.density.stress, strain, cells)
     return stress[..., energy.law.strains], weights
+
+
+def stiffens(problem: DiscreteProblem) -> bool:
+    """Whether the stress of the load is to be counted, and is not held already."""
+    stated = problem.origin
+    return stated is not None and stated.stiffening and not isinstance(problem.model.parts, Stressed)
 
 
 def stressed_problem(problem: DiscreteProblem, unknowns: Array) -> DiscreteProblem:
@@ -121,10 +127,8 @@ def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
 
 def refuse_stiffening(problem: object, what: str) -> None:
     """Refuse stress stiffening where it is not available; a stress that is held does no harm."""
-    stated = problem
-    if isinstance(problem, DiscreteProblem):
-        stated = None if isinstance(problem.model.parts, Stressed) else problem.origin
-    if isinstance(stated, ContactProblem) and stated.stiffening:
+    counted = stiffens(problem) if isinstance(problem, DiscreteProblem) else False
+    if counted or (isinstance(problem, ContactProblem) and problem.stiffening):
         raise ProblemError(
             f"{what} is not available with stress stiffening, which is for single loads at rest; leave stiffening out, "
             "or solve for the load that matters"

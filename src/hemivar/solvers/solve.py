@@ -23,6 +23,7 @@ from hemivar.discrete.recession import Coercivity, decide
 from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
+from hemivar.fem.stress_stiffness import stiffens
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import PosedSystem, Solver, State
@@ -41,7 +42,7 @@ from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.sliding import told_of_slides
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.solvers.stiffening import stiffening, stiffens
+from hemivar.solvers.stiffening import stiffening
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import CondensedProblem

@@ -27,7 +27,7 @@ from hemivar.solvers.load_stepping import Climb, LoadStepping
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
 
-__all__ = ["StressedClimb", "stiffening", "stiffens"]
+__all__ = ["StressedClimb", "stiffening"]
 
 #: Most stresses that are tried one after the other.
 _OUTER = 40
@@ -50,12 +50,6 @@ class Ordinary(Protocol):
 
     def __call__(self, problem: DiscreteProblem, controls: Controls, initial: Array | None) -> _Solving:
         """Step by step, as :func:`hemivar.solvers.solve.solving`."""
-
-
-def stiffens(problem: DiscreteProblem) -> bool:
-    """Whether the stress of the load is to be counted, and is not held already."""
-    stated = problem.origin
-    return stated is not None and stated.stiffening and not isinstance(problem.model.parts, Stressed)
 
 
 def stiffening(
