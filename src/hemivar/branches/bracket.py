@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import cast
 
 import numpy as np
@@ -27,9 +26,9 @@ from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.solvers.base import PosedSystem, State
 from hemivar.solvers.choice import affordable
 from hemivar.solvers.load_stepping import Reached, SystemClimb
-from hemivar.solvers.solve import default_method, with_stress_held
+from hemivar.solvers.solve import default_method, solving
 from hemivar.solvers.status import STOPPED
-from hemivar.solvers.stiffening import StressedClimb
+from hemivar.solvers.stiffening import Ordinary, StressedClimb
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]
@@ -270,7 +269,7 @@ def _stressed(
     line: LoadLine, upto: float, kept: Workspace, budget: Budget, options: BracketOptions, tried: int
 ) -> Generator[Reached, bool | None, LoadBracket]:
     """The same of a body that the stress of its load stiffens."""
-    climb = StressedClimb(LoadStepping(), line, budget, upto, ordinary=partial(with_stress_held, None, kept))
+    climb = StressedClimb(LoadStepping(), line, budget, upto, ordinary=Ordinary(solving, None, kept))
     reached = yield from climb.up(climb.at_rest)
     solution = reached.at.memory[1] if reached.at.memory else solve(line.at(reached.low), workspace=kept)
     return LoadBracket(

@@ -68,7 +68,7 @@ class Deformation:
         if not self.large and self.stiffening > _STIFFENS:
             return (
                 "the stress of the load stiffens or softens the body, which is left out here: its geometric stiffness "
-                f"does {self.stiffening:.2g} of the work that the body stores; state stiffening = true, "
+                f"does {self.stiffening:.2g} times the work that the body stores; state stiffening = true, "
                 "ContactProblem(stiffening=True), which counts it"
             )
         if not self.large:

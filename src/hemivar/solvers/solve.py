@@ -42,14 +42,14 @@ from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.sliding import told_of_slides
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.solvers.stiffening import stiffening
+from hemivar.solvers.stiffening import Ordinary, stiffening
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_moves import best_component
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["default_method", "method_for", "solve", "solving", "suited", "with_stress_held"]
+__all__ = ["default_method", "method_for", "solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
@@ -160,11 +160,8 @@ def solving(
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
     if stiffens(problem):
-        return (
-            yield from stiffening(
-                problem, partial(with_stress_held, method, workspace), controls or Controls(), initial
-            )
-        )
+        ordinary = Ordinary(solving, method, workspace)
+        return (yield from stiffening(problem, ordinary, controls or Controls(), initial))
     solver = default_method(problem, workspace) if given is None else _for_body(given, problem)
     controls = Controls() if controls is None else controls
     solver = solver if problem.limit is None else solver.downhill()
@@ -186,13 +183,6 @@ def solving(
     if found.status is Status.CONVERGED and found.residual.excused(controls.atol, controls.rtol):
         said.append(_ROUNDED.format(found.residual.total, found.residual.scale, found.residual.rounding))
     return replace(found, remarks=(*found.remarks, *said)) if said else found
-
-
-def with_stress_held(
-    method: Solver | str | None, workspace: Workspace, problem: DiscreteProblem, controls: Controls, place: Array | None
-) -> Generator[Progress, bool | None, Solution]:
-    """The solution with the stress of a place held, or without any."""
-    return (yield from solving(problem, method, controls, initial=place, workspace=workspace))
 
 
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:

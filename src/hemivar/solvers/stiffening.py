@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -19,15 +20,19 @@ from hemivar.discrete.residual import contact_compliance, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import Stressed, stressed_problem
-from hemivar.linear.definite import indefinite, lowest_quotient
-from hemivar.solvers.base import State
+from hemivar.linear.definite import indefinite, lowest_quotient, positive
+from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.levels import LevelMatrix
+from hemivar.solvers.base import Solver, State
 from hemivar.solvers.choice import affordable
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.load_stepping import Climb, LoadStepping
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
+from hemivar.systems.body_on_levels import levels_of
+from hemivar.systems.workspace import Workspace
 
-__all__ = ["StressedClimb", "stiffening"]
+__all__ = ["Ordinary", "StressedClimb", "stiffening"]
 
 #: Most stresses that are tried one after the other.
 _OUTER = 40
@@ -37,6 +42,8 @@ _LITTLE = 1e-3
 _HELD = 1e6
 #: Unknowns up to which all eigenvalues are computed.
 _DENSE = 400
+#: Part of a random load that is left, and the most cycles, where multigrid is to meet every motion.
+_MET, _CYCLES = 1e-9, 200
 
 _Solving = Generator[Progress, bool | None, Solution]
 
@@ -45,11 +52,53 @@ class Buckled(ProblemError):  # noqa: N818 - a state of the body, which a growin
     """A stiffness with the stress of the load is not definite."""
 
 
-class Ordinary(Protocol):
-    """The solution of a problem whose stress is held."""
+class Solving(Protocol):
+    """The solution of a problem, step by step: :func:`hemivar.solvers.solve.solving`."""
+
+    def __call__(
+        self,
+        problem: DiscreteProblem,
+        method: Solver | str | None,
+        controls: Controls,
+        *,
+        initial: Array | None,
+        workspace: Workspace,
+    ) -> _Solving:
+        """Yields every step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ordinary:
+    """How a body is solved whose stress is held."""
+
+    solving: Solving
+    method: Solver | str | None
+    workspace: Workspace
 
     def __call__(self, problem: DiscreteProblem, controls: Controls, initial: Array | None) -> _Solving:
-        """Step by step, as :func:`hemivar.solvers.solve.solving`."""
+        """The solution of a problem, from unknowns (n,) on."""
+        return self.solving(problem, self.method, controls, initial=initial, workspace=self.workspace)
+
+    def definite(self, found: Solution) -> bool:
+        """Whether stiffness and contact together are shown to be definite at a solution, by what its method has set up.
+
+        By multigrid a random load tells, whose answer meets every motion: without contact, which only adds.
+        """
+        problem, kept = found.problem, self.workspace
+        if kept.condenses(problem):
+            system = kept.condensed(problem)
+            m, d = system.shape
+            own = system.matrix.reshape(m, d, m, d).copy()
+            own[np.arange(m), :, np.arange(m), :] += _contact_blocks(problem, found.unknowns, found.multiplier)
+            return positive(own.reshape(m * d, m * d)[np.ix_(system.free, system.free)])
+        hierarchy = levels_of(problem, kept)
+        levels, top = hierarchy.levels, hierarchy.first + len(hierarchy.steps)
+        load = np.random.default_rng(13).standard_normal(problem.unknowns)
+        enough, cycle = _MET * float(np.linalg.norm(load)), levels.preconditioner(top)
+        descent = conjugate_gradients(
+            LevelMatrix(levels, top), levels.diagonal(top), load, cycle, enough, _CYCLES, flexible=cycle.flexible
+        )
+        return float(np.linalg.norm(descent.residual)) <= enough
 
 
 def stiffening(
@@ -76,11 +125,13 @@ def _iterated(problem: DiscreteProblem, ordinary: Ordinary, controls: Controls, 
     budget, plain, found = Budget(controls.max_time), _unstressed(problem), None
     place = place if place is not None else (yield from _first_place(plain, ordinary, controls))
     steps = evaluations = 0
+    seconds: Counter[str] = Counter()
     for _ in range(_OUTER):
         posed = plain if place is None else _stressed(problem, place)
         left = None if found is None else residual(posed, found.unknowns, found.multiplier)
         if found is not None and left is not None and left.below(controls.atol, controls.rtol):
-            _refuse_buckled(posed, found.unknowns, found.multiplier)
+            if not ordinary.definite(found):
+                _refuse_buckled(posed, found.unknowns, found.multiplier)
             return replace(found, problem=posed, residual=left)
         try:
             now = replace(controls, max_time=max(controls.max_time - budget.spent, 0.0))
@@ -90,9 +141,10 @@ def _iterated(problem: DiscreteProblem, ordinary: Ordinary, controls: Controls, 
                 _refuse_buckled(posed, place)
             raise
         steps, evaluations = steps + found.steps, evaluations + found.evaluations
-        found = replace(found, steps=steps, evaluations=evaluations)
+        seconds.update(found.timings)  # type: ignore[arg-type]  # it adds up
+        found = replace(found, steps=steps, evaluations=evaluations, timings=dict(seconds))
         if found.status is not Status.CONVERGED:
-            if place is not None:
+            if place is not None and found.status not in STOPPED:
                 _refuse_buckled(posed, place)
             return found
         place = found.unknowns
@@ -181,19 +233,23 @@ def _refuse_buckled(posed: DiscreteProblem, place: Array, multiplier: Array | No
         raise _buckles(_factor(own, sp.csr_array(own - whole)))
 
 
-def _contact_stiffness(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> sp.csr_array:
-    """What contact adds to the stiffness (n, n) at a place (n,): stiff springs where it holds at a kink of its law."""
-    contact, r = problem.contact, problem.local(place)
+def _contact_blocks(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> Array:
+    """What contact adds to the stiffness between its components at a place (n,), (m, c, c): stiff springs where it
+    holds at a kink of its law."""
+    r, c = problem.local(place), problem.contact.components
     law = problem.law.frozen_at(r) if multiplier is None else problem.law.frozen(r, multiplier)
     if multiplier is not None:
         r = law.fitted(r, multiplier, contact_compliance(problem))
     line = law.linearise(r)
-    m, c = contact.shape
-    smooth = line.smooth[:, [0, *([1] * (c - 1))]]
-    held = np.where(smooth, 0.0, _HELD * problem.linear.diagonal_range[1])
-    own = contact.weights[:, None, None] * line.hessian + held[:, :, None] * np.eye(c)
-    rows = sp.bsr_array((own, np.arange(m), np.arange(m + 1)), shape=(m * c, m * c))
-    return sp.csr_array(contact.trace.T @ (rows @ contact.trace))
+    held = np.where(line.smooth[:, [0, *([1] * (c - 1))]], 0.0, _HELD * problem.linear.diagonal_range[1])
+    return np.asarray(problem.contact.weights[:, None, None] * line.hessian + held[:, :, None] * np.eye(c))
+
+
+def _contact_stiffness(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> sp.csr_array:
+    """The same between all unknowns, (n, n)."""
+    blocks, (m, c) = _contact_blocks(problem, place, multiplier), problem.contact.shape
+    rows = sp.bsr_array((blocks, np.arange(m), np.arange(m + 1)), shape=(m * c, m * c))
+    return sp.csr_array(problem.contact.trace.T @ (rows @ problem.contact.trace))
 
 
 def _factor(own: sp.csr_array, falls: sp.csr_array) -> float | None:
