@@ -308,7 +308,6 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
     "resting": _resting,
     "pair": _pair,
-    "stiffened": lambda contact, up: _plane(contact, up, stiffening=True),
     "glued inside": _glued,
     "parts": _parts,
     "membrane": _membrane,
@@ -316,6 +315,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "arrays": _arrays,
     "form": _form,
     "mixed": _mixed,
+    "stiffened": lambda contact, up: _plane(contact, up, stiffening=True),
 }
 #: Bodies by forms of scikit-fem.
 FORMS = ("form", "mixed")

@@ -10,6 +10,9 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.fem.stress_stiffness import stressed_problem
+from hemivar.solvers.solve import solving
+from hemivar.solvers.stiffening import Ordinary
+from hemivar.systems.workspace import Workspace
 from tests.samples import slow
 from tests.solvers.beam_columns import LapJoint
 
@@ -59,6 +62,32 @@ def test_a_column_above_its_load_is_refused_with_the_factor_at_which_it_buckles(
             hv.solve(problem)
         factor = float(str(refused.value).split("at about ")[1].split()[0])
         assert factor * times == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("method", ["newton", "multigrid"])
+def test_a_straight_column_above_its_load_is_no_answer(method: str) -> None:
+    """It is in balance, but not definite."""
+    mesh = hv.rectangle((LENGTH, THICK), (40, 4), pattern="cross").marked({"side": f"y < 1e-9 and x > {LENGTH - 1.01}"})
+    free = {"side": hv.Contact(hv.laws.NoContact())}
+    straight = replace(column(3.0 * EULER, 0.0), mesh=mesh, contact=free, order=1)
+    with pytest.raises(ProblemError, match="the body buckles under its load"):
+        hv.solve(straight, method=method)
+
+
+@pytest.mark.parametrize("method", ["newton", "multigrid"])
+@pytest.mark.parametrize(("part", "definite"), [(0.9, True), (1.1, False)])
+def test_what_a_method_has_set_up_tells_whether_a_stiffness_is_definite(
+    method: str, part: float, definite: bool
+) -> None:
+    """By the condensed body, and by multigrid of the body without its stress."""
+    mesh = hv.rectangle((LENGTH, THICK), (20, 2)).marked({"side": f"y < 1e-9 and x > {LENGTH - 1.01}"})
+    plain = hv.discretize(replace(column(BUCKLES, 0.0), mesh=mesh, contact={"side": hv.Contact(hv.laws.NoContact())}))
+    solution, kept = hv.solve(replace(plain.origin, stiffening=False)), Workspace()
+    stressed = stressed_problem(plain, part * solution.unknowns)
+    if method == "newton":
+        kept.condensed(stressed)
+    ordinary = Ordinary(solving, method, kept)
+    assert ordinary.definite(replace(solution, problem=stressed), plain) == definite
 
 
 def test_a_prop_that_presses_holds_a_column() -> None:

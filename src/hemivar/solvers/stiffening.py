@@ -22,7 +22,6 @@ from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import Stressed, stressed_problem
 from hemivar.linear.definite import indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.levels import LevelMatrix
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.choice import affordable
 from hemivar.solvers.controls import Controls, Progress
@@ -79,10 +78,11 @@ class Ordinary:
         """The solution of a problem, from unknowns (n,) on."""
         return self.solving(problem, self.method, controls, initial=initial, workspace=self.workspace)
 
-    def definite(self, found: Solution) -> bool:
+    def definite(self, found: Solution, plain: DiscreteProblem) -> bool:
         """Whether stiffness and contact together are shown to be definite at a solution, by what its method has set up.
 
-        By multigrid a random load tells, whose answer meets every motion: without contact, which only adds.
+        Where it has no condensed body, a random load tells, whose answer meets every motion: without contact, which
+        only adds. Conjugate gradients are preconditioned by the body without its stress, which is definite.
         """
         problem, kept = found.problem, self.workspace
         if kept.condenses(problem):
@@ -91,13 +91,12 @@ class Ordinary:
             own = system.matrix.reshape(m, d, m, d).copy()
             own[np.arange(m), :, np.arange(m), :] += _contact_blocks(problem, found.unknowns, found.multiplier)
             return positive(own.reshape(m * d, m * d)[np.ix_(system.free, system.free)])
-        hierarchy = levels_of(problem, kept)
+        hierarchy = levels_of(plain, kept)
         levels, top = hierarchy.levels, hierarchy.first + len(hierarchy.steps)
         load = np.random.default_rng(13).standard_normal(problem.unknowns)
         enough, cycle = _MET * float(np.linalg.norm(load)), levels.preconditioner(top)
-        descent = conjugate_gradients(
-            LevelMatrix(levels, top), levels.diagonal(top), load, cycle, enough, _CYCLES, flexible=cycle.flexible
-        )
+        stiffness, diagonal = problem.stiffness, problem.linear.diagonal
+        descent = conjugate_gradients(stiffness, diagonal, load, cycle, enough, _CYCLES, flexible=cycle.flexible)
         return float(np.linalg.norm(descent.residual)) <= enough
 
 
@@ -130,7 +129,7 @@ def _iterated(problem: DiscreteProblem, ordinary: Ordinary, controls: Controls, 
         posed = plain if place is None else _stressed(problem, place)
         left = None if found is None else residual(posed, found.unknowns, found.multiplier)
         if found is not None and left is not None and left.below(controls.atol, controls.rtol):
-            if not ordinary.definite(found):
+            if not ordinary.definite(found, plain):
                 _refuse_buckled(posed, found.unknowns, found.multiplier)
             return replace(found, problem=posed, residual=left)
         try:
