@@ -318,6 +318,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "arrays": _arrays,
     "form": _form,
     "mixed": _mixed,
+    "stiffened": lambda contact, up: _plane(contact, up, stiffening=True),
 }
 #: Bodies by forms of scikit-fem.
 FORMS = ("form", "mixed")

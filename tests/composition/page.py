@@ -34,6 +34,7 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "plane"): "plane, linear",
     ("body", "quadratic"): "quadratic elements",
     ("body", "axisymmetric"): "body of revolution",
+    ("body", "stiffened"): "stress stiffening",
     ("body", "resting"): "held by contact",
     ("body", "parts"): "two parts",
     ("body", "pair"): "two bodies that touch",

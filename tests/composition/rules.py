@@ -83,6 +83,10 @@ _NO_BOUND_OF_LAW = (
     "there is an "
     "estimate only where its tractions change little with the mode."
 )
+_STRESSED = (
+    "Stress stiffening is for single loads at rest: no time, no path, no search for all solutions, and no bound of the "
+    "distance to the exact solution."
+)
 _NOT_IN_TIME = "Time integration needs laws without discontinuous drops."
 _BESIDE_COUPLED = (
     "Beside a law of opening and slip together stands the memory of glue alone, no damping and no other one."
@@ -102,6 +106,13 @@ RULES = (
     Rule("drops discontinuously", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("use order = 1", _NO_BOUND_QUADRATIC, _BOUNDS, ("quadratic tetrahedra",)),
+    Rule(
+        "not available with stress stiffening",
+        _STRESSED,
+        (*_BOUNDS, *_MARCHES, "all solutions", "path", "sweep"),
+        ("stiffened",),
+    ),
+    Rule("not available with stress stiffening", _STRESSED, ("pickle", "file"), ("stiffened",), beside=TIMED),
     Rule("bounded for plane and 3D bodies", _NO_BOUND_REVOLVED, _BOUNDS, ("axisymmetric",)),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),

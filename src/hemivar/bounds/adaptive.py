@@ -36,6 +36,7 @@ from hemivar.bounds.trace_bounds import TraceBounds, body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.discretize import discretize
+from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.fem.transfer import interpolate
 from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_areas
 from hemivar.solvers import Controls, Solution, Solver, Status, solve
@@ -379,6 +380,7 @@ def _checked(
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
     problem = expect_body(problem, "what to solve adaptively", remedy)
     refuse_areas(problem, "an adaptive solve")
+    refuse_stiffening(problem, "an adaptive solve")
     limits = (("rtol", rtol), ("share", share), ("max_time", max_time), ("max_memory", max_memory))
     for name, value in (*limits, ("max_unknowns", max_unknowns)):
         if not number(value, name, "give a positive number") > 0.0:

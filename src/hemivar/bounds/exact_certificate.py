@@ -18,6 +18,7 @@ from hemivar.bounds.trace_bounds import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.discretize import discretize
+from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
@@ -60,6 +61,7 @@ def distance_to_exact(
     if max_time <= 0.0:
         return nothing("the time limit was reached")
     try:
+        refuse_stiffening(stated, "a bound of the distance to the exact solution")
         if not _is_stated(problem, stated, unknowns):
             return nothing("load, gap, law or stiffness are not those of the stated problem")
         if stated.kind:

@@ -17,6 +17,7 @@ from hemivar.bounds.contact_traces import ContactTraces
 from hemivar.bounds.varying_gaps import unknown_gap
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import refuse_evolution
+from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.fem.supports import stated_supports
 from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential, VectorLaw
 from hemivar.laws.coupled.criteria import FractureCriterion
@@ -64,6 +65,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     expect_body(problem, "the problem of the bound", remedy)
     refuse_areas(problem, "a bound of the distance to the exact solution")
     refuse_evolution(problem)
+    refuse_stiffening(problem, "a bound of the distance to the exact solution")
     if problem.material.axisymmetric:
         raise ProblemError(
             "the body is one of revolution: distances to the exact solution are bounded for plane and 3D bodies; "

@@ -20,13 +20,15 @@ from hemivar.fem import LoadLine
 from hemivar.fem.growing import growing
 from hemivar.fem.load_line import load_names
 from hemivar.fem.posed import Posable
+from hemivar.fem.stress_stiffness import stiffens
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.solvers.base import PosedSystem, State
 from hemivar.solvers.choice import affordable
-from hemivar.solvers.load_stepping import Climb, Reached
-from hemivar.solvers.solve import default_method
+from hemivar.solvers.load_stepping import Reached, SystemClimb
+from hemivar.solvers.solve import default_method, solving
 from hemivar.solvers.status import STOPPED
+from hemivar.solvers.stiffening import Ordinary, StressedClimb
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]
@@ -224,7 +226,7 @@ def bracketing(
 def _fold(line: LoadLine, found: LoadBracket, kept: Workspace, budget: Budget) -> float | None:
     """Where the load turns back within a bracket that is closed; None where that was not found."""
     low, high = found.carried, found.not_carried
-    if not found.complete or high is None or not low or not affordable(line.loaded):
+    if not found.complete or high is None or not low or not affordable(line.loaded) or stiffens(line.loaded):
         return None
     short = PathOptions((low, high), max_points=_POINTS, max_time=budget.left)
     running = following(line.loaded, short, unloaded=line.unloaded, start=found.solution, workspace=kept)
@@ -248,14 +250,28 @@ def _within(
 ) -> Generator[Reached, bool | None, LoadBracket]:
     """The bracket by steps that are parts of a load factor."""
     loaded = line.at(upto)
+    if stiffens(loaded):
+        return (yield from _stressed(replace(line, loaded=loaded), upto, kept, budget, options, tried))
     method = LoadStepping(default_method(loaded, kept)).for_tolerance(Controls().rtol)
     assert isinstance(method, LoadStepping)
     with one_thread(not method.condenses):
         system = cast(PosedSystem, method.prepare(loaded, kept))
         r = system.start()
-        climb = Climb(method, system, replace(line, loaded=loaded), budget, upto)
+        climb = SystemClimb(method, replace(line, loaded=loaded), budget, upto, system=system)
         reached = yield from climb.up(State(r, system.multiplier(r)))
         unknowns = system.recover(reached.at.r, reached.at.lam)[0]
     solution = solve(line.at(reached.carried), method.inner, initial=unknowns, workspace=kept)
     ended = Status.INTERRUPTED if solution.status is Status.INTERRUPTED else reached.status
     return LoadBracket(reached.carried, reached.not_carried, solution, options.upto, ended, tried + reached.tried)
+
+
+def _stressed(
+    line: LoadLine, upto: float, kept: Workspace, budget: Budget, options: BracketOptions, tried: int
+) -> Generator[Reached, bool | None, LoadBracket]:
+    """The same of a body that the stress of its load stiffens."""
+    climb = StressedClimb(LoadStepping(), line, budget, upto, ordinary=Ordinary(solving, None, kept))
+    reached = yield from climb.up(climb.at_rest)
+    solution = reached.at.memory[1] if reached.at.memory else solve(line.at(reached.low), workspace=kept)
+    return LoadBracket(
+        reached.carried, reached.not_carried, solution, options.upto, reached.status, tried + reached.tried
+    )

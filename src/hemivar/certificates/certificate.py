@@ -18,7 +18,7 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound
 from hemivar.certificates.kind import LocalStudy, study
-from hemivar.certificates.linear_bodies import convex_body
+from hemivar.certificates.linear_bodies import STRESSED, convex_body, lower_bound_by
 from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.certificates.rigid_motions import motion_left
 from hemivar.certificates.smallness import (
@@ -35,6 +35,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import inaccurate_law, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.small_strain import deformation_of
+from hemivar.fem.stress_stiffness import stiffens, stressed_problem
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.systems.workspace import Workspace
@@ -140,12 +141,14 @@ def certify(
     u = _unknowns(problem, given)
     if not 0.0 <= tolerance <= 0.1:
         raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
+    if stiffens(problem):
+        problem = stressed_problem(problem, u)
     budget = Budget(max_time)
     kept = Workspace.given(workspace)
     energy = energy_norm(problem, kept) if factor is None else factor
     if energy.diagonal.size != problem.unknowns:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
-    if not energy.definite:
+    if not energy.definite and lower_bound_by(problem) != STRESSED:
         refuse_indefinite(energy.indefinite)
     if multiplier is None:
         lam = _multiplier(problem, u)
@@ -268,6 +271,10 @@ def certified(
     bound = in_time("error bound", lambda: error_bound(point, constants.margin) if proved else _unproved(), np.inf)
     nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, tolerance, stationary), nothing)
+    if constants.stiffness_by == STRESSED:
+        bound = np.inf
+    if unique is True and constants.stiffness_by == STRESSED:
+        kind, unique = PointKind.LOCAL_MINIMISER, "the only one with this stress"
     if kept is not None:
         asked = constants
         constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept, exact), constants)

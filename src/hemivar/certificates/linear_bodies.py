@@ -14,12 +14,14 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import barycentric_gradients
 from hemivar.fem.hierarchy import tangent_problem
+from hemivar.fem.stress_stiffness import Stressed
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = [
     "STATED",
+    "STRESSED",
     "UNKNOWN",
     "at_tangent",
     "below",
@@ -30,8 +32,9 @@ __all__ = [
     "strain_reach",
 ]
 
-#: What :func:`lower_bound_by` says where no lower bound is known, and where the maker of the bulk gave one.
-UNKNOWN, STATED = "unknown", "stated"
+#: What :func:`lower_bound_by` says where no lower bound is known, where the maker of the bulk gave one, and where the
+#: stiffness of a linear body has the stress of its load in it.
+UNKNOWN, STATED, STRESSED = "unknown", "stated", "under stress"
 
 
 def below(problem: DiscreteProblem) -> DiscreteProblem:
@@ -84,9 +87,11 @@ def lower_bound_by(problem: DiscreteProblem) -> str:
 
     Energies of a gradient state the least derivative of their flux.
 
-    Empty for a linear body.
+    Empty for a linear body, but for one under the stress of its load: :data:`STRESSED`.
     """
     bulk, origin = problem.bulk, problem.origin
+    if isinstance(problem.model.parts, Stressed):
+        return STRESSED
     lower = bulk.lower if isinstance(bulk, Sized) else None
     if lower is bulk:
         return ""
@@ -118,5 +123,7 @@ def largest_strain(problem: DiscreteProblem, u: Array) -> float:
 
 
 def convex_body(problem: DiscreteProblem) -> bool:
-    """Whether the energy of the body is shown to be convex."""
-    return lower_bound_by(problem) not in (UNKNOWN, BoundsBy.SAMPLED.value) and strain_reach(problem) == np.inf
+    """Whether the energy of the body is shown to be convex; that of one under stress need not be."""
+    return (
+        lower_bound_by(problem) not in (UNKNOWN, STRESSED, BoundsBy.SAMPLED.value) and strain_reach(problem) == np.inf
+    )

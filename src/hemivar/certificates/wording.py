@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect, quoted
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, Record
-from hemivar.certificates.linear_bodies import STATED, UNKNOWN
+from hemivar.certificates.linear_bodies import STATED, STRESSED, UNKNOWN
 from hemivar.certificates.smallness import Smallness
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.residual import Residual
@@ -275,7 +275,10 @@ def _distance(c: Certificate) -> str:
     if not math.isfinite(c.error_bound):
         late = "margin" in c.left_out or "error bound" in c.left_out
         why = "the margin is not shown" if c.apart else "the time limit was reached"
-        return f"no bound, because {why if late else 'the margin is not positive'}"
+        else_why = (
+            "the stress follows the answer" if constants.stiffness_by == STRESSED else "the margin is not positive"
+        )
+        return f"no bound, because {why if late else else_why}"
     size = f"{c.error_bound:.2e}, relative {c.error_bound_relative:.1e},"
     if not c.error_bound_sampled:
         return f"at most {size} to the exact discrete solution"
@@ -346,7 +349,7 @@ def _without_margin(constants: Smallness) -> str:
         return "strains may lie outside of the reach of the material"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
-    if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled:
+    if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled and constants.stiffness_by != STRESSED:
         return (
             "the supports alone do not constrain the body; because its laws are convex, solutions differ by rigid "
             "motions only"
@@ -355,9 +358,14 @@ def _without_margin(constants: Smallness) -> str:
 
 
 def lower_bound_words(found_by: str) -> str:
-    """What the norms of a body that is not linear are, in words."""
+    """What the norms of a body that is not linear, or under stress, are, in words."""
     if found_by == UNKNOWN:
         return "not linear: norms are those of its stiffness at rest, and bound nothing"
+    if found_by == STRESSED:
+        return (
+            "with the stress of its load held as it is here: kind and margin are those of this stiffness, and no "
+            "energy stands behind the equilibrium"
+        )
     how = {
         BoundsBy.SAMPLED.value: "known from samples only: margin and distance are estimates",
         STATED: "as stated by its author",

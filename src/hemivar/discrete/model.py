@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,7 +30,10 @@ _ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) 
 
 
 class MadeOf(PickleMixin):
-    """What a stiffness is made of beside its statement: a composition in time, or a tangent."""
+    """What a stiffness is made of beside its statement: a composition in time, a tangent, or the stress of a load."""
+
+    #: Whether no motion makes its energy fall; else contact may have to resist some.
+    semidefinite: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,6 +48,7 @@ from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.lift import lifted
 from hemivar.fem.locking import locking_warning
 from hemivar.fem.mass import bedding_share, body_blocks, per_volume
+from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
 from hemivar.mechanics.obstacles import refuse_inside
@@ -106,7 +107,10 @@ def discretize(
     if isinstance(given, DiscreteProblem):
         raise ProblemError("this problem is already discrete; solve it, or discretize its continuous problem")
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    return _discretize(expect(given, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
+    stated = expect(given, ContactProblem, "what to discretize", remedy)
+    if evolving:
+        refuse_stiffening(stated, "an evolution")
+    return _discretize(stated, check_coercivity, evolving)
 
 
 def coarse_problem(problem: ContactProblem, start: Array, pairs: Mapping[str, BoundaryContact]) -> DiscreteProblem:

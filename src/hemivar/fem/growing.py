@@ -22,7 +22,7 @@ def growing(problem: Posable, function: str, constant: Collection[str] = ()) -> 
     if not isinstance(problem, ContactProblem):
         return LoadLine.to(posed(problem, function), constant)
     try:
-        return LoadLine.to(discretize(problem), constant)
+        return LoadLine.to(posed(problem, function), constant)
     except SupportError:
         line = LoadLine.to(discretize(problem, check_coercivity=False), constant)
         refuse_free_motion(line.at(_SMALL))

@@ -18,6 +18,7 @@ from hemivar.discrete.space import Field
 from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
+from hemivar.fem.stress_stiffness import Stressed, stressed_problem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Coarser", "coarser", "family_of", "has_coarser", "tangent_problem"]
@@ -126,6 +127,8 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
         return _coarser_in_time(problem, problem.model.parts)
     if isinstance(problem.model.parts, Tangent):
         return _coarser_tangent(problem, problem.model.parts)
+    if isinstance(problem.model.parts, Stressed):
+        return _coarser_stressed(problem, problem.model.parts)
     below = _below(field)
     assert below is not None
     mesh, interpolation = below
@@ -187,6 +190,15 @@ def _coarser_tangent(problem: DiscreteProblem, tangent: Tangent) -> Coarser | No
     coarse = tangent_problem(step.problem, step.restrict(tangent.unknowns))
     assert problem.field is not None
     step = replace(step, problem=coarse, field=problem.field)
+    return replace(step, problem=step.posed(problem))
+
+
+def _coarser_stressed(problem: DiscreteProblem, parts: Stressed) -> Coarser | None:
+    """That of a body under stress: the stress is that of the same displacement."""
+    step = coarser(parts.problem)
+    if step is None:
+        return None
+    step = replace(step, problem=stressed_problem(step.problem, step.restrict(parts.unknowns)))
     return replace(step, problem=step.posed(problem))
 
 

@@ -7,10 +7,13 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
+from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["Posable", "posed"]
 
+#: What can be done with a body that the stress of its load stiffens, under the names of functions.
+_STIFFENED = ("solve", "solve_nested", "run", "certify", "load_bracket", "condense")
 #: What a discrete problem can be made of.
 Posable = DiscreteProblem | ContactProblem | ManufacturedProblem
 
@@ -18,6 +21,8 @@ Posable = DiscreteProblem | ContactProblem | ManufacturedProblem
 def posed(problem: Posable, function: str) -> DiscreteProblem:
     """The problem, discretised if it is not yet."""
     given = ManufacturedProblem.of(problem)
+    if function not in _STIFFENED:
+        refuse_stiffening(given, function)
     if isinstance(given, DiscreteProblem):
         return given
     if isinstance(given, ContactProblem):

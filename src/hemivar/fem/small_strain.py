@@ -1,9 +1,10 @@
-"""Whether a displacement is one of small strains, which linear elasticity assumes: largest strain and rotation."""
+"""Whether a displacement is one of small strains, which linear elasticity assumes: largest strain and rotation, and
+what the stress of the load adds to the stiffness."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,13 +13,14 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
 from hemivar.fem.fields import FieldSource, _mesh_and_order
 from hemivar.fem.rings import hoop_strain
+from hemivar.fem.stress_stiffness import stiffened_by
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["SMALL", "Deformation", "deformation", "deformation_of", "slid_beyond"]
 
-#: Strain and rotation (radians) from which they are called large.
-SMALL = 0.1
+#: Strain and rotation (radians) from which they are called large, and the share of the work of the stress.
+SMALL, _STIFFENS = 0.1, 0.05
 _CELLS_AT_A_TIME = 1 << 16
 
 
@@ -36,12 +38,16 @@ class Deformation:
         Of the cells in which one of them is :data:`SMALL` at least (an area in the plane).
     whole : float
         Volume of the body.
+    stiffening : float
+        ``|u'K_s u| / u'K u``, K_s the geometric stiffness of the stress of u itself: how much that stiffens or softens
+        the body. Zero where it is counted, or not known.
     """
 
     strain: float
     rotation: float
     volume: float
     whole: float
+    stiffening: float = 0.0
 
     @property
     def large(self) -> bool:
@@ -58,7 +64,13 @@ class Deformation:
 
     @property
     def warning(self) -> str | None:
-        """A sentence where strain or rotation are large; None elsewhere."""
+        """A sentence where strain, rotation or the work of the stress are large; None elsewhere."""
+        if not self.large and self.stiffening > _STIFFENS:
+            return (
+                "the stress of the load stiffens or softens the body, which is left out here: its geometric stiffness "
+                f"does {self.stiffening:.2g} times the work that the body stores; state stiffening = true, "
+                "ContactProblem(stiffening=True), which counts it"
+            )
         if not self.large:
             return None
         share = 100.0 * self.volume / self.whole if self.whole > 0.0 else 100.0
@@ -72,12 +84,13 @@ def deformation_of(problem: DiscreteProblem, unknowns: Array) -> Deformation | N
     """Largest strain and rotation of unknowns (n,); None without a mesh, and for scalar problems."""
     if problem.field is None or problem.origin is None or problem.origin.kind:
         return None
-    own, vectors = deformation(problem.origin, problem.field.full(unknowns)), problem.vectors
+    moved, vectors = problem.field.full(unknowns), problem.vectors
+    own, stiffened = deformation(problem.origin, moved), stiffened_by(problem, moved)
     if vectors.alone:
-        return own
-    return Deformation(
-        *vectors.largest(own.strain, own.rotation).tolist(), *vectors.total(own.volume, own.whole).tolist()
-    )
+        return replace(own, stiffening=stiffened)
+    strain, rotation = vectors.largest(own.strain, own.rotation).tolist()
+    volume, whole = vectors.total(own.volume, own.whole).tolist()
+    return Deformation(strain, rotation, volume, whole, stiffened)
 
 
 def slid_beyond(problem: DiscreteProblem, unknowns: Array) -> str | None:

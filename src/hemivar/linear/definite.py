@@ -17,6 +17,7 @@ __all__ = [
     "below_zero",
     "indefinite",
     "lowest_quotient",
+    "positive",
     "positive_pivots",
     "quotient",
     "refuse_indefinite",
@@ -79,6 +80,15 @@ def _lanczos(operator: spla.LinearOperator, start: Array, steps: int) -> Array:
     image = np.stack([operator @ q for q in Q.T], axis=1)
     projected = Q.T @ image
     return np.asarray(Q @ np.linalg.eigh(0.5 * (projected + projected.T))[1][:, 0])
+
+
+def positive(matrix: Array) -> bool:
+    """Whether a dense symmetric matrix (n, n) has a factor of Cholesky."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def positive_pivots(factor: spla.SuperLU) -> bool:

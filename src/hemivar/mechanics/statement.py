@@ -113,6 +113,9 @@ class ContactProblem(PickleMixin, ReprMixin):
     bedding : float or callable
         An elastic bedding of the whole body, a force ``-bedding u`` per volume (Winkler), not negative; a callable gets
         points, shape (k, d), and returns shape (k,).
+    stiffening : bool
+        Whether the stress of the load itself stiffens or softens the body: its geometric stiffness is added. Loads at
+        rest, linear materials.
     units : Units
         For labels; no number is converted.
     geometry : Geometry
@@ -187,6 +190,15 @@ class ContactProblem(PickleMixin, ReprMixin):
             "such a body needs no support; a warning says how many digits a soft bedding costs",
             least=0.0, table="loads",
         ) | stated_of_one(Form.QUANTITY, least=0.0, table="loads"),
+    )  # fmt: skip
+    stiffening: bool = field(
+        default=False,
+        metadata=stated(
+            Form.FLAG,
+            "`true`: the stress of the load itself stiffens or softens the body, as tension straightens a lap joint; "
+            "for single loads at rest, linear materials, 2D and 3D",
+            table="loads",
+        ),
     )  # fmt: skip
     units: Units = field(default_factory=Units)
     geometry: Geometry = field(
@@ -344,6 +356,21 @@ class ContactProblem(PickleMixin, ReprMixin):
             constant = number(self.trace_constant, "trace_constant")
             if not 0.0 < constant < np.inf:
                 raise ProblemError(f"trace_constant is {constant:g}; give a finite number above 0, or None")
+        self._check_stiffening()
+
+    def _check_stiffening(self) -> None:
+        """Refuse stress stiffening of what is no linear body in the plane or in space."""
+        if not expect(self.stiffening, bool, "stiffening", "give True or False"):
+            return
+        material = self.material
+        what = (
+            "one component" if self.kind
+            else "a body of revolution" if material.axisymmetric
+            else "" if material.linear
+            else "a material that is not linear"
+        )  # fmt: skip
+        if what:
+            raise ProblemError(f"stiffening is for linear bodies in 2D and in 3D, not for {what}; leave it out")
 
     def _check_half_section(self) -> None:
         """Refuse what is no half of a section of a body of revolution."""

@@ -210,6 +210,8 @@ def _check_suited(problem: ContactProblem) -> None:
         raise MethodError("the engine 'petsc' has linear elements only; write order = 1, or leave --engine out")
     if problem.contact and problem.quadrature is not Quadrature.NODAL:
         raise MethodError("the engine 'petsc' needs quadrature = \"nodal\", or leave --engine out")
+    if problem.stiffening:
+        raise MethodError("the engine 'petsc' has no stress stiffening; leave --engine out")
     if problem.material.axisymmetric:
         raise MethodError("the engine 'petsc' has no bodies of revolution; leave --engine out")
     for name, contact in problem.contact.items():

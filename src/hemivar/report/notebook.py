@@ -261,6 +261,7 @@ def _problem(problem: ContactProblem) -> _Shown:
         (what, told),
         (problem.load_names[0].replace("_", " "), _told(problem.body_force)),
         ("bedding", None if problem.bedding == 0.0 else _told(problem.bedding)),
+        ("stiffening", "by the stress of the load" if problem.stiffening else None),
         *((f"support: {name}", _told(support)) for name, support in problem.supports.items()),
         *((f"load: {name}", _told(load)) for name, load in problem.tractions.items()),
         *((f"contact: {name}", _laws(contact)) for name, contact in problem.contact.items()),

@@ -238,7 +238,8 @@ class SearchLine:
         if extra.any() or not system.vectors.alone:
             own = float(np.vdot(extra, self._pull(length) + 0.5 * system.couple(extra)))
         own += float(system.weights @ (system.law.value(candidate) - self.value))
-        own += _ROUNDED * float(np.vdot(system.diagonal, reach**2))
+        with np.errstate(over="ignore"):  # where nothing ends a motion
+            own += _ROUNDED * float(np.vdot(system.diagonal, reach**2))
         alone = 0.5 * length**2 * self.square - length * self.slope
         return alone + float(system.vectors.total(own)[0])
 

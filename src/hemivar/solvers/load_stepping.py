@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 
@@ -19,7 +20,7 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Climb", "LoadStepping", "Reached"]
+__all__ = ["Climb", "LoadStepping", "Reached", "SystemClimb"]
 
 #: Part of the load that is rounding, the shortest step, and the residual of an equilibrium that rounding hides.
 _ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-8
@@ -110,7 +111,7 @@ class LoadStepping(Solver):
         return self.inner.refuse(problem)
 
     def begin(self, system: PosedSystem, start: State, budget: Budget) -> State:
-        found = result_of(Climb(self, system, LoadLine.to(system.problem), budget).up(start))
+        found = result_of(SystemClimb(self, LoadLine.to(system.problem), budget, system=system).up(start))
         r = system.start(found.at.r)
         here = State(r, system.multiplier(r), found.at.evaluations)
         if found.status in STOPPED:
@@ -182,14 +183,17 @@ class Reached:
 
 
 @dataclass(frozen=True, eq=False)
-class Climb:
+class Climb(ABC):
     """Equilibria of a body while its load grows."""
 
     method: LoadStepping
-    system: PosedSystem  # that of the full load
     line: LoadLine  # the load, from nothing to the full one
     budget: Budget
     top: float = 1.0  # the load factor of the full load, by which is reported
+
+    @abstractmethod
+    def _to(self, factor: float, start: State) -> tuple[State, Status]:
+        """The equilibrium at a load factor, from that at another one; and how the search for it ended."""
 
     def up(self, start: State) -> Generator[Reached, bool | None, Reached]:
         """Raise the load; yields what is reached after every load factor, and stops after it if it is sent True."""
@@ -222,8 +226,14 @@ class Climb:
             return replace(onward, at=at), False
         return replace(onward, at=at, failed=factor), self.method._close(low, factor)
 
+
+@dataclass(frozen=True, eq=False)
+class SystemClimb(Climb):
+    """Those of a body whose stiffness stays."""
+
+    system: PosedSystem = field(kw_only=True)  # that of the full load
+
     def _to(self, factor: float, start: State) -> tuple[State, Status]:
-        """The equilibrium at a load factor, from that at another one; and how the search for it ended."""
         inner, system, budget = self.method.inner, self.system.for_problem(self.line.at(factor)), self.budget
         full = float(np.linalg.norm(self.system.problem.load))
         r = system.start(start.r)

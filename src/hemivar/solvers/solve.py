@@ -23,6 +23,7 @@ from hemivar.discrete.recession import Coercivity, decide
 from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
+from hemivar.fem.stress_stiffness import stiffens
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import PosedSystem, Solver, State
@@ -41,6 +42,7 @@ from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.sliding import told_of_slides
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
+from hemivar.solvers.stiffening import Ordinary, stiffening
 from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.body import Body
 from hemivar.systems.condensed import CondensedProblem
@@ -157,6 +159,9 @@ def solving(
     workspace = Workspace.given(workspace)
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
+    if stiffens(problem):
+        ordinary = Ordinary(solving, method, workspace)
+        return (yield from stiffening(problem, ordinary, controls or Controls(), initial))
     solver = default_method(problem, workspace) if given is None else _for_body(given, problem)
     controls = Controls() if controls is None else controls
     solver = solver if problem.limit is None else solver.downhill()

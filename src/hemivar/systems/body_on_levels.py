@@ -421,7 +421,8 @@ def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
 def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]:
     """The body on every mesh, from coarse to fine."""
     refuse_unseen(problem)
-    if free_unknowns(problem) is None:
+    parts = problem.model.parts
+    if free_unknowns(problem) is None and (parts is None or parts.semidefinite):
         refuse_indefinite(below_zero(problem.stiffness, lowest_quotient(problem.stiffness), problem.linear.diagonal))
     hierarchy = levels_of(problem, workspace)
     problems = [step.problem for step in hierarchy.steps] + [problem]

@@ -70,8 +70,10 @@ class SchurComplement:
         trace = sp.csr_array(B[rows][:, kept])
         select = trace.nnz == rows.size == kept.size and np.all(trace.data == 1.0)
         S = factor.schur
-        known = free_unknowns(problem)
-        if known is None:
+        known, parts = free_unknowns(problem), problem.model.parts
+        if parts is not None and not parts.semidefinite:
+            refuse_indefinite(None if factor.interior_positive else indefinite(K))
+        elif known is None:
             _check_semidefinite(problem, factor, kept)
         matrix = np.zeros((m * d, m * d))
         drift: Array | None = None

@@ -1,0 +1,135 @@
+"""Stress stiffening: what the stress of the load itself adds to the stiffness of a body.
+
+The geometric stiffness of a stress sigma is ``v'K_s u = int sigma_kl du_i/dx_k dv_i/dx_l``, the initial stress matrix
+(Zienkiewicz and Taylor, The Finite Element Method, volume 2). It takes each component by itself, and all alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.model import MadeOf
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import portions, stiffness_blocks
+from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
+from hemivar.fem.energy_integral import NodalEnergy, _not_by_points
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["Stressed", "refuse_stiffening", "stiffened_by", "stiffens", "stressed_problem", "works_of_stress"]
+
+
+@dataclass(frozen=True, eq=False)
+class Stressed(MadeOf):
+    """What the stiffness of a body under stress is made of: the body without it, and the place that has the stress."""
+
+    problem: DiscreteProblem
+    unknowns: Array  # (n,): the place
+    nodal: sp.csr_array  # (nodes, nodes): K_s of one component of nodal values
+
+    semidefinite: ClassVar[bool] = False
+
+
+@dataclass(frozen=True, eq=False)
+class _StressLaw(ConstitutiveLaw):
+    """The stress of a field (nodes, d) in the place of the coefficients of one component."""
+
+    energy: NodalEnergy
+    field: Array
+
+    def on(
+        self, mesh: Mesh, degree: int, cells: slice | IntArray = slice(None), vertices: IntArray | None = None
+    ) -> tuple[Array, Array]:
+        return _stress(self.energy, self.energy.strains(self.field, cells)[0], cells)
+
+
+def _stored(problem: ContactProblem) -> NodalEnergy:
+    return NodalEnergy(problem.mesh, problem.order, EnergyLaw.of(problem.material, problem.mesh.dim))
+
+
+def _stress(energy: NodalEnergy, strain: Array, cells: slice | IntArray) -> tuple[Array, Array]:
+    """Stresses (k, q, d, d) at the points of some cells, and the weights (q,) of these."""
+    stress, weights = energy.at(energy.law.density.stress, strain, cells)
+    return stress[..., energy.law.strains], weights
+
+
+def stiffens(problem: DiscreteProblem) -> bool:
+    """Whether the stress of the load is to be counted, and is not held already."""
+    stated = problem.origin
+    return stated is not None and stated.stiffening and not isinstance(problem.model.parts, Stressed)
+
+
+def stressed_problem(problem: DiscreteProblem, unknowns: Array) -> DiscreteProblem:
+    """The problem whose stiffness has the geometric stiffness of its stress at unknowns (n,): ``K + K_s``.
+
+    Raises
+    ------
+    ProblemError
+        A diagonal entry of it is not positive.
+    """
+    field, stated = problem.field, problem.origin
+    assert field is not None
+    assert stated is not None
+    energy, strains = _stored(stated), np.arange(stated.mesh.dim)[None]
+    law = _StressLaw(strains, _not_by_points, False, energy, field.full(unknowns))
+    nodal = stiffness_blocks(stated.mesh, law, energy.graph).matrix()
+    whole = sp.csr_array(sp.kron(nodal, sp.eye_array(field.components), format="csr"))
+    own = sp.csr_array(field.basis.T @ whole @ field.basis)
+    bulk = Quadratic(sp.csr_array(problem.stiffness + 0.5 * (own + own.T)), assembled=True)
+    found = problem.on_the_same(replace(problem.model, bulk=bulk, parts=Stressed(problem, unknowns, nodal)))
+    if not field.prescribed.any():
+        return found
+    pulled = whole @ field.prescribed
+    constant = problem.constant + 0.5 * float(field.prescribed @ pulled)
+    return found.under(problem.load - field.basis.T @ pulled, constant=constant)
+
+
+def works_of_stress(problem: ContactProblem, displacement: Array) -> tuple[float, float]:
+    """``u'K_s u`` of a displacement (nodes, d), K_s that of its own stress, and ``u'K u``; no matrix is formed."""
+    energy, works = _stored(problem), np.zeros(2)
+    for part in portions(problem.mesh, problem.order):
+        works += sum(_works_at_points(energy, displacement, part))
+    return float(works[0]), float(works[1])
+
+
+def _works_at_points(energy: NodalEnergy, displacement: Array, cells: slice) -> Iterator[Array]:
+    """Both works at each point of the rule in turn, of some cells together."""
+    strain, shapes = energy.strains(displacement, cells)
+    stress, weights = _stress(energy, strain, cells)
+    values, volumes = displacement[energy.mesh.cell_nodes(energy.order)[cells]], energy.mesh.volumes[cells]
+    for q, (weight, shape) in enumerate(zip(weights, shapes, strict=True)):
+        slope = np.einsum("lkm,mlc->mck", shape, values)
+        pulled = slope @ stress[:, q]
+        along = np.einsum("mck,mck->m", pulled, slope), np.einsum("mkk->m", pulled)
+        yield weight * np.array([volumes @ work for work in along])
+
+
+def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
+    """``|u'K_s u| / u'K u`` of a displacement (nodes, d): how much the stress of the load matters that K leaves out.
+
+    Zero where it is counted already, where a bedding or nothing resists, and where it is not known: of one component
+    and of bodies of revolution.
+    """
+    stated = problem.origin
+    if stated is None or stated.kind or stated.material.axisymmetric or isinstance(problem.model.parts, Stressed):
+        return 0.0
+    geometric, stored = problem.vectors.total(*works_of_stress(stated, displacement)).tolist()
+    return abs(geometric) / stored if stored > 0.0 and np.isfinite(geometric) else 0.0
+
+
+def refuse_stiffening(problem: object, what: str) -> None:
+    """Refuse stress stiffening where it is not available; a stress that is held does no harm."""
+    counted = stiffens(problem) if isinstance(problem, DiscreteProblem) else False
+    if counted or (isinstance(problem, ContactProblem) and problem.stiffening):
+        raise ProblemError(
+            f"{what} is not available with stress stiffening, which is for single loads at rest; leave stiffening out, "
+            "or solve for the load that matters"
+        )
