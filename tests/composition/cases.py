@@ -205,6 +205,23 @@ def _glued(contact: hv.Contact, up: float) -> hv.ContactProblem:
     )
 
 
+def _cracked(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A block that was cut in two, in contact on one half of the cut, glued on the other and beside a foundation."""
+    whole = hv.rectangle((1.0, 1.0), (4, 2))
+    cut = np.flatnonzero(np.abs(whole.points[:, 1] - 0.5) < 1e-9)
+    cut = cut[np.argsort(whole.points[cut, 0])]
+    joint, crack = np.split(np.column_stack([cut[:-1], cut[1:]]), 2)
+    mesh = whole.with_interfaces({"crack": crack, "joint": joint}).opened("crack").opened("joint")
+    glue = hv.Contact(NORMALS["mode-dependent"], against="joint:2")
+    return hv.ContactProblem(
+        mesh,
+        _steel(),
+        {"crack:1": replace(contact, against="crack:2"), "joint:1": glue, "left": hv.Contact(hv.Compliance(20.0))},
+        {"bottom": hv.Clamped()},
+        tractions={"top": (0.01 * up, 0.1 * up)},
+    )
+
+
 def _revolved(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """A disc whose rim is held; its left side is the axis, and nothing damps it."""
     steel = hv.Material.lame(40.0, 40.0, "axisymmetric", density=10.0)
@@ -312,6 +329,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "resting": _resting,
     "pair": _pair,
     "glued inside": _glued,
+    "cracked": _cracked,
     "parts": _parts,
     "membrane": _membrane,
     "antiplane": _antiplane,

@@ -39,6 +39,7 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "parts"): "two parts",
     ("body", "pair"): "two bodies that touch",
     ("body", "glued inside"): "an opened interface",
+    ("body", "cracked"): "glue beside contact",
     ("body", "antiplane"): "antiplane shear",
     ("body", "form"): "form of scikit-fem",
     ("body", "mixed"): "form with a pressure",

@@ -116,6 +116,7 @@ RULES = (
     Rule("bounded for plane and 3D bodies", _NO_BOUND_REVOLVED, _BOUNDS, ("axisymmetric",)),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), _NOT_CONVEX),
     Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("resting",), friction=("bound",)),
+    Rule("there is no bound", _NO_BOUND_RESTING, _BOUNDS, ("cracked",)),
     Rule(
         "the foundation softens too much for the bodies",
         "For bodies that touch each other the distance to the exact solution is known where no law drops "

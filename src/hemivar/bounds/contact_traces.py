@@ -31,7 +31,6 @@ from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.coupled.joined import join_laws
-from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.scalar_graph import is_straight
 from hemivar.laws.vector_law import lengths
 from hemivar.mechanics.conditions import DataField
@@ -247,16 +246,7 @@ class ContactTraces:
 
         Friction grows with the penetration by ``L G``.
         """
-        law = self.stated
-        if not law.state_dependent:
-            return np.zeros(self.weights.shape)
-        rate: Array | float = 1.0
-        if isinstance(law, NormalAndFriction):
-            steepest, growing = law.friction.profile.growth
-            rate = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
-        slope = law.lipschitz
-        found = np.where(slope > 0.0, np.where(slope > 0.0, slope, 1.0) * rate, 0.0)
-        return np.broadcast_to(found, self.weights.size).reshape(self.weights.shape)
+        return np.broadcast_to(self.stated.steering, self.weights.size).reshape(self.weights.shape)
 
     @cached_property
     def unseen(self) -> Array:

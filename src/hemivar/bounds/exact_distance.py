@@ -586,7 +586,9 @@ def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
 def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     """What of the law is not known."""
     law, coupling, found = traces.law, _coupling(traces, constants), []
-    if coupling == np.inf:
+    if coupling == np.inf and not np.isinf(traces.coupling()).any():
+        found.append("only contact constrains the body, and its law depends on the solution: there is no bound")
+    elif coupling == np.inf:
         found.append(
             "the tractions of the law jump with the mode: there is no bound"
             if traces.stated.depends_on_whole_state

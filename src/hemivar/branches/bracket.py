@@ -86,8 +86,8 @@ class LoadBracket:
     upto : float
         The largest load factor that was asked for.
     ended : Status
-        How the last search ended: CONVERGED where ``upto`` is carried, else how that at ``not_carried`` failed. After
-        MAX_TIME, INTERRUPTED or OUT_OF_MEMORY the bracket may be wider.
+        How the last search ended: CONVERGED where ``upto`` is carried, NOT_CARRIED where a fold lies below
+        ``not_carried``, else how the iteration there failed, which is UNBOUNDED where the body ran away. After MAX_TIME, INTERRUPTED or OUT_OF_MEMORY the bracket may be wider.
     tried : int
         Load factors that were tried.
     fold : float or None
@@ -218,7 +218,8 @@ def bracketing(
         assert found.not_carried is not None
         found = yield from _within(line, found.not_carried, kept, budget, options, found.tried)
     try:
-        return replace(found, fold=_fold(line, found, kept, budget))
+        fold = _fold(line, found, kept, budget)
+        return found if fold is None else replace(found, fold=fold, ended=Status.NOT_CARRIED)
     except KeyboardInterrupt:
         return replace(found, ended=Status.INTERRUPTED)
 

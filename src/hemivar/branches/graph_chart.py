@@ -449,5 +449,5 @@ def _flexibilities(stiff: Array, weighed: Array) -> Array:
 
 def _least(law: VectorLaw, r: Array, lam: Array) -> Array:
     """What a must be above, (m, 2)."""
-    parts = (law if law.depends_on_whole_state else law.frozen(r, lam)).curve_above
+    parts = law.curve_above_at(r, lam)
     return np.stack([np.broadcast_to(part, len(r)) for part in parts], axis=1)

@@ -287,7 +287,7 @@ class SolutionSearch:
         else:
             broken = np.random.default_rng(m).random((2**_COMBINED, m)) < np.linspace(0.0, 1.0, 2**_COMBINED)[:, None]
         rest = system.start(np.column_stack([np.full(m, -1e-9 * system.length_scale), np.zeros((m, d - 1))]))
-        glue = system.weights[:, None, None] * system.law.linearise(rest).hessian
+        glue = system.weights[:, None, None] * system.law.frozen_at(rest).linearise(rest).hessian
         free, places = system.free, []
         for choice in broken:
             matrix = system.matrix + la.block_diag(*np.where(choice[:, None, None], 0.0, glue))

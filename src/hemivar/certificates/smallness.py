@@ -26,8 +26,9 @@ from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import Posable, posed
 from hemivar.fem.quadrature import at_quadrature_points
-from hemivar.laws import ContactLaw, Friction, VectorLaw
+from hemivar.laws import ContactLaw, Friction
 from hemivar.laws.coupled import bounded
+from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.statement import ContactProblem
@@ -280,9 +281,10 @@ def unknown_constants(problem: DiscreteProblem) -> Smallness:
 
 
 def _bound_depends(problem: DiscreteProblem) -> bool:
-    """Whether a friction bound depends on the state, beside a normal law that does not."""
+    """Whether a friction bound depends on the state, beside a normal law that does not, at every point."""
     law = problem.law
-    return anywhere(problem, bool(problem.contact_points and law.state_dependent and not law.depends_on_whole_state))
+    known = isinstance(law, NormalAndFriction) and law.state_dependent
+    return anywhere(problem, bool(problem.contact_points and known))
 
 
 def largest_bounds(
@@ -341,7 +343,7 @@ def _constants(
             normal, profile = (np.broadcast_to(alpha, (m,)) for alpha in unit.weak_convexity_within(reach))
             with np.errstate(invalid="ignore"):
                 tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
-        coupling_weight = np.broadcast_to(_coupling(law), (m,))
+        coupling_weight = np.broadcast_to(law.steering, (m,))
         sampled = law.alpha_sampled
     else:
         normal = tangential = coupling_weight = np.zeros(m)
@@ -480,21 +482,6 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
         if found.margin > 0.0:
             break
     return found, ""
-
-
-def _coupling(law: VectorLaw) -> Array:
-    """Lipschitz constant in the penetration of the friction force: that of the bound times the steepest profile.
-
-    Of a law all of which depends on the state, that of the tractions.
-    """
-    if not law.state_dependent:
-        return np.zeros(1)
-    rate = law.lipschitz
-    if law.depends_on_whole_state:
-        return rate
-    steepest, growing = bounded(law).friction.profile.growth
-    steepest = np.where(growing > 0.0, np.inf, steepest)
-    return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
 
 
 def ellipticity(statement: ContactProblem) -> float:

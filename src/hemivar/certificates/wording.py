@@ -235,7 +235,8 @@ def _claims(certificate: Certificate) -> list[Claim]:
     say("inclusion", off_law, c.inclusion_relative, whole=True)
     relative = c.residual.relative
     say("residual", f"{relative:.1e} relative, tolerance {c.tolerance:.0e}", relative, whole=True)
-    fixed = ", with the friction bound held fixed" if constants.m_L > 0.0 else ""
+    held = "mode of the glue" if c.kind is PointKind.WITHOUT_ENERGY else "friction bound"
+    fixed = f", with the {held} held fixed" if constants.m_L > 0.0 else ""
     say("energy", f"{c.energy:.10g}{fixed}", c.energy, whole=True)
     sampled = c.unique is None and c.margin > 0.0 and constants.sampled
     known = c.uniqueness + (" (the margin is positive, but sampled)" if sampled else "")

@@ -46,6 +46,7 @@ __all__ = [
     "AT_LIMIT",
     "BY_FRICTION",
     "IDLE",
+    "NO_ENERGY",
     "NO_MINIMUM",
     "PERHAPS_NO_MINIMUM",
     "Hold",
@@ -58,6 +59,7 @@ __all__ = [
 #: What is said of bodies that are held at rest only.
 NO_MINIMUM = "constrained by the foundation up to a limit load; the energy has no minimum"
 PERHAPS_NO_MINIMUM = "constrained by the foundation up to a limit load; whether the energy has a minimum is not known"
+NO_ENERGY = "constrained by the foundation up to a limit load; the law has no energy"
 #: What is said of bodies that only friction holds which the pressure bounds, and of those at its limit.
 BY_FRICTION = (
     "constrained by friction that grows with the pressure: forces within its cone balance the load, but an "
@@ -123,6 +125,7 @@ class _Group:
     work: Array
     load: float
     slack: float
+    has_energy: bool  # whether all laws of the body have one
 
     def growth(self, friction: bool = False) -> RecessionFunction:
         """Far away."""
@@ -146,6 +149,7 @@ class _Group:
         if found.verdict is Coercivity.HELD:
             return Hold(found, growth)
         limit = NO_MINIMUM if found.verdict is Coercivity.FALLS else PERHAPS_NO_MINIMUM
+        limit = limit if self.has_energy else NO_ENERGY
         if self.softens:
             touched = self.resistance()
             if _holds(touched):
@@ -203,4 +207,5 @@ def _groups(
         points = np.unique(seen.indices // d).astype(np.int64)
         law = loading.law.take(points) if len(points) else loading.law
         rows = seen.toarray().reshape(m, d, work.size)[points]
-        yield _Group(law, -loading.offset[points], size, rows, contact.weights[points], work, load, slack)
+        has_energy = not loading.law.depends_on_whole_state
+        yield _Group(law, -loading.offset[points], size, rows, contact.weights[points], work, load, slack, has_energy)

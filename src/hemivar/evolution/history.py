@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,17 +15,19 @@ from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array, Record
+from hemivar.basics.types import Array, IntArray, Record
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.time_error import TimeError
+from hemivar.laws import VectorLaw
+from hemivar.laws.memory import MemoryChain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-__all__ = ["Frame", "History", "Row"]
+__all__ = ["Frame", "History", "Row", "damage_of", "law_at", "remembered"]
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,9 @@ class Frame(PickleMixin):
     force_time : float
         The time that the force belongs to.
     memory : mapping of name to array (m, ...)
+        What the contact points remember, nan elsewhere. Glue: ``0.opening``, the largest effective opening,
+        ``0.stiffness``, the secant from there to rest, and of two fracture energies ``0.mode``, that of the onset of
+        damage, -1 before it. The damage is :attr:`History.damage`.
     temperature : array (nodes,) or None
         Of a body with heat.
     """
@@ -153,6 +158,14 @@ class History(PickleMixin, ReprMixin):
     def times(self) -> Array:
         """Times of the rows."""
         return np.array([row.time for row in self.rows])
+
+    @cached_property
+    def damage(self) -> Array:
+        """Damage of glue by frame and contact point, (frames, m): 0 intact, 1 broken; nan where it is not known.
+
+        It is the share of the first stiffness that is lost, which glue keeps while it closes and opens again.
+        """
+        return np.array([damage_of(self.discrete, frame) for frame in self.frames])
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -300,6 +313,31 @@ class History(PickleMixin, ReprMixin):
         """Write the frames as a film, ``.gif`` or ``.mp4``, see :func:`hemivar.report.animate`."""
         written: Path = above("History.animate")(self, path, **options)
         return written
+
+
+def law_at(discrete: DiscreteEvolution, time: float) -> VectorLaw:
+    """The law of the contact points at a time."""
+    timed = "law" in discrete.evolution.problem.time_dependent
+    return discrete.data_at(time).law if timed else discrete.problem.law
+
+
+def remembered(discrete: DiscreteEvolution, frame: Frame) -> Iterator[tuple[IntArray, MemoryChain, dict[str, Array]]]:
+    """Numbers of the contact points of each boundary that remembers, its memory, and what these points remember."""
+    for name, index in discrete.blocks:
+        known = {what: values[index] for what, values in frame.memory.items()}
+        state = {what: values for what, values in known.items() if not np.isnan(values).any()}
+        if index.size and state:
+            yield index, MemoryChain(discrete.contacts[name].remembers), state
+
+
+def damage_of(discrete: DiscreteEvolution, frame: Frame) -> Array:
+    """Damage (m,) of glue in a frame: what is remembered, else that of the displacement; nan where it is not known."""
+    law = law_at(discrete, frame.time)
+    damage = law.debonding(frame.local).get("damage", np.full(len(frame.local), np.nan)).copy()
+    for index, memory, state in remembered(discrete, frame):
+        own = memory.damage(law.take(index), state)
+        damage[index] = damage[index] if own is None else own
+    return damage
 
 
 _OWN = ("time", "step", "solver_steps", "residual", "margin", "largest_step", "jumped")

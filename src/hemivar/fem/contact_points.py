@@ -503,20 +503,44 @@ def merge_corners(
 
 
 def _left_to_glue(groups: list[BoundaryContact], contacts: Mapping[str, Contact]) -> list[BoundaryContact]:
-    """Foundations without the points at nodes where glue holds two bodies together: it needs all displacements there.
+    """Boundaries without the points at nodes where others hold or touch a second body, which need all displacements.
 
-    The foundation is left to the point beside it.  Friction that a pressure brings with it is no glue.
+    Glue between bodies comes first, then their contact in its order, then foundations, which leave to glue alone: what
+    leaves is left to the point beside it.  Friction that a pressure brings with it is no glue.
     """
     found = list(groups)
-    for glue in (group for group in groups if group.pair and not group.law.state_dependent):
-        contact = contacts[glue.points.names[int(glue.points.boundary[0])]]
-        if not (contact.friction.acts or contact.law is contact.normal):
-            continue
-        for k, group in enumerate(found):
-            leaves = np.isin(group.points.node, glue.points.node)
-            if not group.pair and leaves.any() and not leaves.all():
-                found[k] = _handed_on(group, leaves)
+
+    def glues(k: int) -> bool:
+        contact = contacts[groups[k].points.names[int(groups[k].points.boundary[0])]]
+        coupled = contact.law is contact.normal
+        return coupled or (contact.friction.acts and not contact.friction.state_dependent)
+
+    pairs = sorted((k for k, group in enumerate(groups) if group.pair), key=lambda k: (not groups[k].law.remembers, not glues(k)))
+    for first, k in enumerate(pairs):
+        keeps = found[k].points
+        others = [other for other in range(len(groups)) if not groups[other].pair] if glues(k) else []
+        for other in (*pairs[first + 1 :], *others):
+            group = found[other]
+            leaves = _shared(group.points, keeps) if group.pair else np.isin(group.points.node, keeps.node)
+            if group.pair and leaves.all():
+                raise ProblemError("every node of a contact boundary belongs to another one; join the two")
+            if leaves.any() and not leaves.all():
+                found[other] = _handed_on(group, leaves)
     return found
+
+
+def _shared(points: ContactPoints, others: ContactPoints) -> BoolArray:
+    """Which points (m,) of a pair see the jump of a point of another one: at its node, or at that on its other side.
+
+    At a sharp corner each sees its own.
+    """
+    assert points.frames is not None
+    assert others.frames is not None
+    assert points.mean is not None
+    assert others.mean is not None
+    both = sp.coo_array(points.mean[:, others.node].multiply(others.mean[:, points.node].T))
+    alike = np.abs(np.einsum("kd,kd->k", points.frames[both.row, 0], others.frames[both.col, 0])) > SHARP
+    return np.asarray(np.isin(np.arange(points.count), both.row[alike & (np.abs(both.data) > DEPENDENT)]))
 
 
 def _handed_on(group: BoundaryContact, leaves: BoolArray) -> BoundaryContact:

@@ -12,8 +12,8 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.evolution.history import damage_of, law_at, remembered
 from hemivar.fem.thermal_stress import cell_thermal_stress
-from hemivar.laws.memory import MemoryChain
 from hemivar.solvers.boundary_result import ContactValues
 from hemivar.solvers.contact_states import ContactStates, contact_states
 
@@ -45,6 +45,7 @@ class Snapshot(ContactValues):
     temperature: Array | None = None  # (nodes,): of a body with heat
     thermal_stress: Array | None = None  # (M, d, d)
     force_time: float = math.nan  # the time that the multiplier belongs to
+    debonding: Mapping[str, Array] = field(default_factory=dict)  # the ``damage`` (m,) of glue
 
     @property
     def contact(self) -> ContactPoints:  # type: ignore[override]
@@ -63,10 +64,12 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     if discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         offset = discrete.data_at(frame.time).offset
         problem = problem.with_(offset=offset)
-    states = moving_states(discrete, frame)
+    states, damage = moving_states(discrete, frame), damage_of(discrete, frame)
+    debonding = {} if np.isnan(damage).all() else {"damage": damage}
     return Snapshot(
         problem, frame.time, frame.displacement, frame.velocity, frame.local, frame.multiplier, frame.rate, states,
         frame.memory, frame.temperature, _thermal_stress(discrete, frame), frame.force_time,
+        debonding,
     )  # fmt: skip
 
 
@@ -90,16 +93,11 @@ def moving_states(discrete: DiscreteEvolution, frame: Frame) -> ContactStates:
     if passed > 0.0:
         slow = max(slow, _NOISE * far / passed)
     moves = np.linalg.norm(frame.rate[:, 1:], axis=1) > slow
-    timed = "law" in discrete.evolution.problem.time_dependent
-    law, contact = discrete.data_at(frame.time).law if timed else discrete.problem.law, discrete.problem.contact
+    law, contact = law_at(discrete, frame.time), discrete.problem.contact
     seen, past_peak = frame.local.copy(), np.zeros(len(frame.local), dtype=bool)
-    for name, index in discrete.blocks:
-        known = {what: values[index] for what, values in frame.memory.items()}
-        state = {what: values for what, values in known.items() if not np.isnan(values).any()}
-        if index.size and state:
-            memory = MemoryChain(discrete.contacts[name].remembers)
-            seen[index] = memory.seen(state, seen[index])
-            past_peak[index] = memory.past_peak(law.take(index), state)
+    for index, memory, state in remembered(discrete, frame):
+        seen[index] = memory.seen(state, seen[index])
+        past_peak[index] = memory.past_peak(law.take(index), state)
     past_peak |= law.past_peak(seen)
     return contact_states(
         law, seen, frame.multiplier, (moved, pressed), moves=moves, past_peak=past_peak,

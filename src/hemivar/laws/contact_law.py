@@ -302,19 +302,20 @@ class ContactLaw(NormalAndFriction):
         return rate + self._sure_friction.recession(lengths(direction[:, 1:]))
 
     def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        parts = (self.normal, self.tangential)
+        slip = self.friction.profile if self.state_dependent else self.tangential
         normal, tangential = (
             law.weak_convexity if far == np.inf else law.weak_convexity_within(far)
-            for law, far in zip(parts, reach, strict=True)
+            for law, far in zip((self.normal, slip), reach, strict=True)
         )
+        if self.state_dependent:  # whatever the bound
+            tangential = np.where(tangential > 0.0, np.inf, 0.0)
         return normal, tangential
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
-        friction = self.friction
-        if not friction.state_dependent and friction.profile.convex:  # whatever the bound
+        if self.friction.profile.convex:  # whatever the bound
             return self.normal.weak_convexity, np.zeros(1)
-        return self.normal.weak_convexity, self.tangential.weak_convexity
+        return self.weak_convexity_within((np.inf, np.inf))
 
     def weak_convexity_at(self, r: Array) -> tuple[Array, Array]:
         if self.friction.profile.convex:  # whatever the bound

@@ -133,6 +133,12 @@ class NormalAndFriction(Glue):
         return bound.lipschitz if isinstance(bound, StateBound) else np.zeros(1)
 
     @property
+    def steering(self) -> Array:
+        rate, (steepest, growing) = self.lipschitz, self.friction.profile.growth
+        steepest = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
+        return np.where(rate > 0.0, np.where(rate > 0.0, rate, 1.0) * steepest, 0.0)
+
+    @property
     def lipschitz_sampled(self) -> bool:
         bound = self.friction.bound
         if not isinstance(bound, StateBound):

@@ -219,6 +219,14 @@ class VectorLaw(PickleMixin, ABC):
         return np.zeros(1)
 
     @property
+    def steering(self) -> Array:
+        """Lipschitz constant of the tractions in the state, (m or 1,); inf where they may jump.
+
+        Of friction in the penetration: that of the bound times the steepest profile.
+        """
+        return self.lipschitz
+
+    @property
     def lipschitz_sampled(self) -> bool:
         """Whether a constant of friction that depends on the penetration is sampled: that of the bound, or c0, c1."""
         return False
@@ -547,6 +555,11 @@ class VectorLaw(PickleMixin, ABC):
             return normal, tangential
         both = np.maximum(normal, tangential) + self.lipschitz
         return both, both
+
+    def curve_above_at(self, r: Array, lam: Array) -> tuple[Array, Array]:
+        """:attr:`curve_above` beside a state, at whose penetration and pressure ``(m, c)`` a friction bound is taken."""
+        normal, tangential = (self if self.depends_on_whole_state else self.frozen(r, lam)).curve_above
+        return normal, tangential
 
     def is_curve(self, a: Array, components: int) -> bool:
         """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is :attr:`curve_above`."""

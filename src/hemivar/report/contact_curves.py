@@ -26,6 +26,7 @@ from hemivar.report.style import (
     GREEN,
     GREY,
     MARKERS,
+    ORANGE,
     PURPLE,
     RED,
     STATE_COLOURS,
@@ -59,7 +60,8 @@ def plot_contact(
     stress_unit: str = "",
     certificate: Certificate | None = None,
 ) -> Figure:
-    """Pressure, friction (with its bound), penetration and slip along the contact boundary, each in a panel.
+    """Pressure, friction (with its bound), penetration and slip along the contact boundary, each in a panel; of glue its
+    damage as well.
 
     Slip is left out where the body is away from its foundation.  Several contact boundaries have a column each; the
     coordinate is x or y along straight boundaries parallel to an axis, the arc length otherwise, and the number of the
@@ -114,26 +116,33 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     local, states = seen_local(solution), solution.states
     slips = local[:, 1:].copy()
     slips[~states.closed] = np.nan  # where a body is away from its foundation nothing slips
-    quantities: list[tuple[str, Array, str]] = [
-        ("pressure", solution.pressure[:, None], RED),
-        (f"{_shear(problem)} on the body", solution.friction, GREEN),
-        ("opening", 0.0 - local[:, :1], BLUE) if solution.debonding else ("penetration", local[:, :1], BLUE),
-        ("slip", slips, PURPLE),
+    depth = ("opening", 0.0 - local[:, :1]) if solution.debonding else ("penetration", local[:, :1])
+    quantities: list[tuple[str, Array, str, str]] = [
+        ("pressure", solution.pressure[:, None], RED, stress_unit),
+        (f"{_shear(problem)} on the body", solution.friction, GREEN, stress_unit),
+        (*depth, BLUE, unit),
+        ("slip", slips, PURPLE, unit),
     ]
     if not solution.friction.any():  # no friction: what slips freely is left out, too
         quantities = quantities[::2]
-    beside = len(parts) == 1 and len(quantities) == 4
-    high = 1.0 + (1.05 if beside else 1.5) * len(quantities)
+    if solution.debonding:
+        quantities.append(("damage", solution.debonding["damage"][:, None], ORANGE, ""))
+    count = len(quantities)
+    beside = len(parts) == 1 and count > 3
+    high = 1.0 + (2.1 * math.ceil(count / 2) if beside else 1.5 * count)
     fig = new_figure((max(6.3, 3.4 * len(parts)), high), layout="constrained")
-    shape = (2, 2) if beside else (len(quantities), len(parts))
+    shape = (math.ceil(count / 2), 2) if beside else (count, len(parts))
     panels = fig.subplots(*shape, sharex="col", squeeze=False)
-    panels = panels.reshape(4, 1) if beside else panels
+    if beside:
+        panels = panels.reshape(-1, 1)
+        for empty in panels[count:, 0]:
+            empty.remove()
     bound = _rest_bound(problem)
     for column, (name, index, where, label) in enumerate(parts):
         order = np.argsort(where, kind="stable")
         index, where = index[order], where[order]
         size = float(np.clip(30.0 / math.sqrt(len(index)), 1.2, 4.0))
-        for row, (quantity, values, colour) in enumerate(quantities):
+        for row, (quantity, values, colour, of) in enumerate(quantities):
             panel = panels[row, column]
             panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
             for k in range(values.shape[1]):
@@ -144,8 +153,9 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
                 for sign in (1.0, -1.0):
                     panel.plot(where, sign * bound[index], color=colour, lw=0.8, ls=":", zorder=1)
             if column == 0:
-                panel.set_ylabel(with_unit(quantity, stress_unit if row < len(quantities) // 2 else unit))
-            if row == len(quantities) - 1 or (beside and row == 2):
+                panel.set_ylabel(with_unit(quantity, of))
+            if row == count - 1 or (beside and row == count - 2):
+                panel.tick_params(labelbottom=True)
                 panel.set_xlabel(with_unit(label, unit if label != "contact point" else ""))
             panel.margins(x=0.02)
             panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)

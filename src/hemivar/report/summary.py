@@ -79,8 +79,9 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
         yield "warning", remark
     if solution.timings:
         yield "time", ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
-    dependent = solution.problem.vectors.largest(float(solution.problem.law.state_dependent))[0]
-    fixed = ", with the friction bound held fixed" if dependent else ""
+    law = solution.problem.law
+    bound, whole = solution.problem.vectors.largest(float(law.state_dependent), float(law.depends_on_whole_state))
+    fixed = ", with the mode of the glue held fixed" if whole else ", with the friction bound held fixed" if bound else ""
     yield "energy", _with(f"{solution.energy:.10g}", units.energy) + fixed
     if solution.deformation is not None:
         yield "largest", solution.deformation.sizes
@@ -120,8 +121,11 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
         yield "damage", f"at most {worst:.3g}"
         yield "dissipated", _with(f"{energy:.6g}", units.energy)
     if presses:
-        deepest, pressure = vectors.largest(_most(seen_local(solution)[:, 0]), _most(solution.pressure)).tolist()
-        yield from extreme_rows(deepest, pressure, units)
+        glued = np.isfinite(solution.debonding.get("damage", np.full(len(solution.pressure), np.nan)))
+        deepest, pressure, peel = vectors.largest(
+            _most(seen_local(solution)[:, 0]), _most(solution.pressure), _most(-solution.pressure[glued])
+        ).tolist()
+        yield from extreme_rows(deepest, pressure, units, peel)
 
 
 def _counts(solution: Solution) -> tuple[dict[NormalState, int], dict[TangentialState, int]]:
@@ -186,13 +190,17 @@ def contact_rows(
     yield "contact points", state_words(*counts)
 
 
-def extreme_rows(deepest: float, pressure: float, units: Units) -> Iterator[Row]:
-    """The largest penetration, or the least opening where nothing penetrates, and the largest pressure."""
+def extreme_rows(deepest: float, pressure: float, units: Units, peel: float = -np.inf) -> Iterator[Row]:
+    """The largest penetration, or the least opening where nothing penetrates, the largest pressure and the largest pull
+    of glue."""
     if deepest < 0.0:
         yield "least opening", f"{_with(f'{-deepest:.6g}', units.length)} (no point penetrates)"
     else:
         yield "max penetration", _with(f"{deepest:.6g}", units.length)
-    yield "max pressure", _with(f"{pressure:.6g}", units.stress)
+    if pressure >= 0.0 or not peel > 0.0:
+        yield "max pressure", _with(f"{pressure:.6g}", units.stress)
+    if peel > 0.0:
+        yield "max peel", _with(f"{peel:.6g}", units.stress)
 
 
 def _with(number: str, unit: str) -> str:

@@ -41,7 +41,7 @@ def badge_of(certificate: Certificate) -> Badge:
         return Badge("good", kind, f"This equilibrium is {certificate.unique}.")
     if not certificate.kind.has_energy:
         return Badge(
-            "fair" if certificate.kind is PointKind.BOUND_FIXED_MINIMISER else "poor",
+            "fair" if certificate.kind in (PointKind.BOUND_FIXED_MINIMISER, PointKind.WITHOUT_ENERGY) else "poor",
             "an equilibrium",
             f"{kind[:1].upper()}{kind[1:]}. The law depends on the solution and has no energy, so stability is not "
             f"known; {certificate.uniqueness}.",

@@ -352,7 +352,6 @@ def test_what_resists_at_rest_is_no_more_than_the_law_gives() -> None:
         (lambda: hv.ScalarContact(glue()), "law"),  # type: ignore[arg-type]
         (lambda: normal_law("mixed-mode"), "not known"),
         (lambda: join_laws([]), "no contact point"),
-        (lambda: join_laws([(glue(), 2), (COULOMB, 2)]), "depends on the state"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:

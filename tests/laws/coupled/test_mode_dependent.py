@@ -14,14 +14,11 @@ from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
     BenzeggaghKenane,
-    ContactLaw,
     MixedMode,
     ModeDependentGlue,
     PowerCriterion,
-    Signorini,
     Softening,
     Tresca,
-    join_laws,
 )
 from hemivar.solvers.newton_on_graph import GraphEquation, GraphPoint
 from hemivar.systems.newton_equation import Accuracy
@@ -349,7 +346,6 @@ def test_laws_may_vary_over_the_boundary() -> None:
         (lambda: PowerCriterion(1.0, "much", 1.0), "shear of criterion 'power'"),  # type: ignore[arg-type]
         (lambda: peek().at_mode(1.5), "give a number between 0"),
         (lambda: hv.Contact(soft(), Tresca(0.3)), "leave the friction 'tresca' out"),
-        (lambda: join_laws([(soft(), 2), (ContactLaw(Signorini()).at(None), 2)]), "stands alone on a body"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
 from hemivar.laws.stacked import gathered_debonding
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw
+from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw
 
 __all__ = ["JoinedLaw", "join_laws"]
 
@@ -55,30 +54,11 @@ def _whether(question: str) -> property:
 @dataclass(frozen=True, eq=False)
 class JoinedLaw(VectorLaw):
     """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once.
-
-    Raises
-    ------
-    ProblemError
-        A bound depends on the state.
     """
 
     parts: tuple[VectorLaw, ...]
     indices: tuple[IntArray, ...]
     name: ClassVar[str] = "several laws"  # type: ignore[misc]
-
-    def __post_init__(self) -> None:
-        moded = next((law.name for law in self.parts if law.depends_on_whole_state), "")
-        if moded:
-            raise ProblemError(
-                f"law '{moded}' depends on the mode of the solution and stands alone on a body; take one law for all "
-                "contact boundaries, or glue with one fracture energy (MixedMode)"
-            )
-        coupled = next((law.name for law in self.parts if not law.splits), "")
-        if any(law.state_dependent for law in self.parts):
-            raise ProblemError(
-                f"law '{coupled}' couples opening and slip, and a friction bound beside it depends on the state; "
-                "take a bound that does not"
-            )
 
     def gather(self, parts: Sequence[np.ndarray], fill: float | None = None) -> np.ndarray:
         """What the parts say of their contact points, (their points or 1, ...), as one for all points.
@@ -111,9 +91,9 @@ class JoinedLaw(VectorLaw):
             return chosen[0][0]
         return JoinedLaw(tuple(law for law, _ in chosen), tuple(rows for _, rows in chosen))
 
-    def _each(self, ask: Callable[[VectorLaw], VectorLaw]) -> VectorLaw:
-        """The law of other parts; itself where they are the same."""
-        parts = tuple(ask(law) for law in self.parts)
+    def _each(self, ask: Callable[..., VectorLaw], *given: object) -> VectorLaw:
+        """The law of other parts, asked with what is given of their own points; itself where they are the same."""
+        parts = tuple(ask(law, *own) for law, own in _given(self, given))
         same = all(one is other for one, other in zip(parts, self.parts, strict=True))
         return self if same else JoinedLaw(parts, self.indices)
 
@@ -125,6 +105,34 @@ class JoinedLaw(VectorLaw):
 
     def is_function(self, components: int) -> bool:
         return all(law.is_function(components) for law in self.parts)
+
+    # ---- whether it depends on the state ----------------------------------------------------------------
+
+    state_dependent = _whether("state_dependent")
+    depends_on_whole_state = _whether("depends_on_whole_state")
+    lipschitz_sampled = _whether("lipschitz_sampled")
+
+    @property
+    def follows_state(self) -> bool:
+        return all(law.follows_state for law in self.parts if law.state_dependent)
+
+    @property
+    def alpha_is_one(self) -> bool:
+        return all(law.alpha_is_one for law in self.parts)
+
+    def frozen(self, r: Array, lam: Array) -> VectorLaw:
+        return self._each(lambda law, *own: law.frozen(*own), r, lam)
+
+    def frozen_at(self, r: Array) -> VectorLaw:
+        return self._each(lambda law, own: law.frozen_at(own), r)
+
+    @property
+    def lipschitz(self) -> Array:
+        return self.gather([law.lipschitz for law in self.parts])
+
+    @property
+    def steering(self) -> Array:
+        return self.gather([law.steering for law in self.parts])
 
     # ---- asked point by point ---------------------------------------------------------------------------
 
@@ -147,13 +155,34 @@ class JoinedLaw(VectorLaw):
     past_peak = _by_points("past_peak")
     resistance = _by_points("resistance")
     kinks_along = _by_points("kinks_along", np.nan)
+    rubbed = _by_points("rubbed")
     strongest = _several("strongest")  # type: ignore[assignment]
     asymptotic_curvature = _several("asymptotic_curvature")  # type: ignore[assignment]
     weak_convexity_within = _several("weak_convexity_within")  # type: ignore[assignment]
+    curve_above_at = _several("curve_above_at")  # type: ignore[assignment]
+
+    def pressures(self, r: Array) -> Interval:
+        ends = [law.pressures(own) for law, (own,) in _given(self, (r,))]
+        return Interval(self.gather([one.lower for one in ends]), self.gather([one.upper for one in ends]))
 
     def linearise(self, r: Array) -> Linearisation:
         lines = [vars(law.linearise(r[i])) for law, i in zip(self.parts, self.indices, strict=True)]
         return Linearisation(*(self.gather([line[name] for line in lines]) for name in lines[0]))
+
+    def on_graph(self, p: Array, a: Array) -> OnGraph:
+        return self._pairs([law.on_graph(*own) for law, own in _given(self, (p, a))])
+
+    def _pairs(self, found: Sequence[OnGraph]) -> OnGraph:
+        """Pairs of the parts as those of all points."""
+        return OnGraph(*(self.gather(arrays) for arrays in zip(*(vars(one).values() for one in found), strict=True)))
+
+    def is_curve(self, a: Array, components: int) -> bool:
+        return all(law.is_curve(own, components) for law, (own,) in _given(self, (a,)))
+
+    def chart(self, a: Array, components: int) -> Chart | None:
+        charts = [law.chart(own, components) for law, (own,) in _given(self, (a,))]
+        known = tuple(chart for chart in charts if chart is not None)
+        return _JoinedChart(self, a, known) if len(known) == len(charts) else None
 
     def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
         return [
@@ -179,6 +208,11 @@ class JoinedLaw(VectorLaw):
         up, down, slip = (self.gather([law.rates[k] for law in self.parts]) for k in range(3))
         return up, down, slip
 
+    @property
+    def curve_above(self) -> tuple[Array, Array]:
+        normal, tangential = (self.gather([law.curve_above[k] for law in self.parts]) for k in range(2))
+        return normal, tangential
+
     @cached_property
     def _alphas(self) -> tuple[Array, Array]:
         normal, tangential = (self.gather([law.weak_convexity[k] for law in self.parts]) for k in range(2))
@@ -193,6 +227,7 @@ class JoinedLaw(VectorLaw):
         reaches = [law.alpha_reach for law in self.parts]
         return min(normal for normal, _ in reaches), min(tangential for _, tangential in reaches)
 
+    softens = _whether("softens")
     growth_sampled = _whether("growth_sampled")
     alpha_sampled = _whether("alpha_sampled")
     constants_sampled = _whether("constants_sampled")
@@ -212,6 +247,35 @@ class JoinedLaw(VectorLaw):
         return self.gather([law.rubs for law in self.parts])
 
 
+@dataclass(frozen=True, eq=False)
+class _JoinedChart(Chart):
+    """The charts of the parts."""
+
+    law: JoinedLaw
+    parts: tuple[Chart, ...]
+
+    def _asked(self, question: str, *given: object) -> list[Any]:
+        """The answers of the parts of their own points."""
+        return [getattr(part, question)(*own) for part, (_, own) in zip(self.parts, _given(self.law, given), strict=True)]
+
+    def at(self, p: Array, near: Array | None = None) -> OnGraph:
+        return self.law._pairs(self._asked("at", p, near))
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        found = self._asked("graph_distance", r, lam, tau)
+        same = min(one.shape[1] for one in found) == max(one.shape[1] for one in found)
+        return self.law.gather(found if same else [np.linalg.norm(one, axis=1, keepdims=True) for one in found])
+
+    def bounded(self, part: float) -> Chart | None:
+        charts = [chart.bounded(part) for chart in self.parts]
+        if not any(charts):
+            return None
+        return replace(self, parts=tuple(new or old for new, old in zip(charts, self.parts, strict=True)))
+
+    def least_multiplier(self, r: Array) -> Array:
+        return self.law.gather(self._asked("least_multiplier", r))
+
+
 def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:
     """One law from laws for consecutive blocks of contact points.
 
@@ -229,7 +293,7 @@ def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:
     Raises
     ------
     ProblemError
-        No contact point is left, or a bound that depends on the state stands beside a law that couples.
+        No contact point is left.
     """
     laws = [(law, count) for law, count in laws if count > 0]
     split = [(law, count) for law, count in laws if isinstance(law, ContactLaw)]

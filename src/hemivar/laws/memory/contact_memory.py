@@ -184,6 +184,10 @@ class Memory(PickleMixin, ABC):
         """Where the memory alone says that the pull of the foundation is past its peak, (m or 1,)."""
         return np.zeros(1, dtype=bool)
 
+    def damage(self, law: VectorLaw, state: MemoryState) -> Array | None:
+        """Share (m,) of its first stiffness that glue has lost, 0 intact and 1 broken; None where it is not known."""
+        return None
+
     def seen(self, state: MemoryState, r: Array) -> Array:
         """Local displacement (m, c) that the law without this memory sees in a state: of a worn surface, less wear."""
         return r

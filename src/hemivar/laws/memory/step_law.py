@@ -124,6 +124,10 @@ class MemoryChain(Memory):
         own = [part.past_peak(law, self._own(state, i)) for i, part in enumerate(self.parts)]
         return np.asarray(np.logical_or.reduce(np.broadcast_arrays(np.zeros(1, dtype=bool), *own)))
 
+    def damage(self, law: VectorLaw, state: MemoryState) -> Array | None:
+        found = (part.damage(law, self._own(state, i)) for i, part in enumerate(self.parts))
+        return next((one for one in found if one is not None), None)
+
     def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         energy = energy_of(law, inner)
         for i, part in enumerate(self.parts):

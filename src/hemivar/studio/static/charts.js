@@ -89,7 +89,7 @@ export class ContactChart {
     const size = Math.min(Math.max(0.4 * Math.sqrt((this.plot.host.clientHeight ** 2) / one.index.length), 1.5), 6);
     const marks = one.index.map((j, k) => ({
       x: x[k], y: y[k], size, form: stateMark(states[state[j]]).form, colour: cssColour(colours, (values[k] - low) / (high - low || 1)),
-      title: `${forces ? "pressure" : "penetration"} ${shown(values[k])}, ${states[state[j]]}`,
+      title: `${forces && values[k] < 0 ? `peel ${shown(-values[k])}` : `${forces ? "pressure" : "penetration"} ${shown(values[k])}`}, ${states[state[j]]}`,
     }));
     const { length, stress } = this.units;
     this.plot.draw({ xlabel: withUnit("xyz"[a], length), ylabel: withUnit("xyz"[b], length), marks, even: true });
