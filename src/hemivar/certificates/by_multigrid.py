@@ -396,15 +396,15 @@ class SolveByMultigrid(SolveByCycles):
         if np.any(np.diagonal(root) ** 2 <= _SINGULAR * np.diagonal(A)):
             return None
 
+        inverse, _ = la.lapack.dtrtri(root, lower=1)
+
         def up(x: Array) -> Array:
-            return np.asarray(la.solve_triangular(root, x, lower=True, trans="T"))
+            return np.asarray(inverse.T @ x)
 
         if len(A) <= _DENSE:
             image = S @ up(np.eye(len(A)))
             return up(np.linalg.eigh(image.T @ image)[1][:, ::-1][:, :count])
-        operator = spla.LinearOperator(
-            A.shape, matvec=lambda x: la.solve_triangular(root, S.T @ (S @ up(x.ravel())), lower=True), dtype=float
-        )
+        operator = spla.LinearOperator(A.shape, matvec=lambda x: inverse @ (S.T @ (S @ up(x.ravel()))), dtype=float)
         vectors = spla.eigsh(operator, k=count, which="LA", v0=start_vector(len(A)), tol=1e-4)[1]
         return up(vectors[:, ::-1])
 
