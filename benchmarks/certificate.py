@@ -34,13 +34,17 @@ from hemivar.linear.levels import Truncated
 def counted() -> Iterator[list[int]]:
     """The levels of all cycles that are done meanwhile."""
     seen: list[int] = []
-    cycle = Truncated.cycle
+    cycle, fast = Truncated.cycle, Truncated.fast_cycle
 
     def noted(self: Truncated, k: int, right: Array) -> Array:
         seen.append(k)
         return cycle(self, k, right)
 
-    with patch.object(Truncated, "cycle", noted):
+    def noted_fast(self: Truncated, k: int, right: Array) -> Array:
+        seen.extend([k] if self.single and k else [])  # else it is the other
+        return fast(self, k, right)
+
+    with patch.object(Truncated, "cycle", noted), patch.object(Truncated, "fast_cycle", noted_fast):
         yield seen
 
 

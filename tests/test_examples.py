@@ -13,6 +13,7 @@ import runpy
 import shutil
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -39,9 +40,10 @@ NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if not path.stem.star
 
 @functools.cache
 def run(name: str) -> dict[str, Any]:
-    """What an example has defined when it has run, and printed."""
+    """What an example has defined when it has run, and printed; NumPy has nothing to warn of."""
     matplotlib.use("Agg")
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
+    with contextlib.redirect_stdout(io.StringIO()) as printed, warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
         found = runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
     plt.close("all")
     return found | {"printed": printed.getvalue()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 
 import pytest
 
@@ -21,6 +22,26 @@ def dead(number: int) -> int:
 def test_one_process_works_itself_in_order() -> None:
     assert list(results(lambda number: number + 1, [3, 1, 2], 1)) == [4, 2, 3]
     assert list(results(squared, [], 4)) == []
+
+
+def at_work(seconds: float) -> int:
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+    return os.getpid()
+
+
+def test_little_work_is_done_here() -> None:
+    assert set(results(at_work, [0.001] * 20, 2, 0.1)) == {os.getpid()}
+    assert set(results(at_work, [0.01] * 16, 2, 0.06)) == {os.getpid()}  # after six or seven 0.1 is left
+
+
+@pytest.mark.slow
+def test_what_is_left_of_much_work_goes_to_processes() -> None:
+    found = list(results(at_work, [0.02] * 40, 2, 0.05))
+    assert len(found) == 40
+    assert set(found[:2]) == {os.getpid()}
+    assert os.getpid() not in found[6:]
 
 
 def test_what_cannot_travel_is_refused() -> None:

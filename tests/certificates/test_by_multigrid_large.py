@@ -304,6 +304,14 @@ def test_units_do_not_matter() -> None:
     assert second.equilibrium_relative == pytest.approx(first.equilibrium_relative, rel=1e-5)
 
 
+@pytest.mark.parametrize("nu", [0.3, 0.5 - 1e-8])
+def test_dual_norm_of_a_load_where_cycles_in_single_precision_see_the_body_and_where_not(nu: float) -> None:
+    mesh, friction = rectangle((1.0, 1.0), (32, 32)), Friction(0.05, weakening(0.4, 10.0))
+    problem = body(mesh, softening(3.0, 0.02, 0.1), friction, Material.young(1.0, nu))
+    exact = EnergyNorm(problem.stiffness).riesz(problem.load)[1]
+    assert 0.99 * exact <= EnergyNorm.by_multigrid(problem).riesz(problem.load)[1] <= 1.03 * exact
+
+
 @pytest.mark.parametrize("make", [lambda: square(1.5), lambda: from_a_file(1.5), lambda: cube(1.0)])
 def test_the_quality_of_a_cycle_is_estimated_from_below(make: Callable[[], DiscreteProblem]) -> None:
     """The largest factor by which cycles reduce an error, after many of them on the finest level."""

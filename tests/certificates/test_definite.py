@@ -15,7 +15,8 @@ from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, Signorini
-from hemivar.linear.definite import below_zero, indefinite, quotient
+from hemivar.linear import products
+from hemivar.linear.definite import below_zero, indefinite, quotient, rounding
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
 from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
@@ -207,6 +208,15 @@ def test_springs_added_to_the_stiffness_of_a_mesh_count() -> None:
     assert energy_norm(stiffer).definite
     solution = solve(stiffer)
     assert certify(stiffer, solution.unknowns, solution.multiplier).kind is PointKind.UNIQUE_MINIMISER
+
+
+def test_rounding_of_some_rows_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = between_walls(4, 0.3)
+    root = np.sqrt(problem.stiffness.diagonal())
+    largest = (np.abs(problem.stiffness.toarray()) / np.outer(root, root)).sum(axis=1).max()
+    for rows in (3, 1000):
+        monkeypatch.setattr(products, "_ROWS", rows)
+        assert rounding(problem.stiffness) == pytest.approx(64.0 * np.finfo(float).eps * largest, rel=1e-12)
 
 
 def test_what_rounded_entries_make_of_an_eigenvalue_that_is_zero_is_not_below_zero() -> None:

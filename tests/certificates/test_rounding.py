@@ -13,6 +13,7 @@ from hemivar.certificates import EnergyNorm, bound, certify
 from hemivar.certificates.bound import Point, error_bound
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, PiecewiseQuadratic, Signorini, Tresca
+from hemivar.linear import products
 
 EPS, FINE = float(np.finfo(float).eps), float(np.finfo(np.longdouble).eps)
 
@@ -84,7 +85,7 @@ def test_the_parts_of_a_large_matrix_give_the_same_balance(monkeypatch: pytest.M
     point = random_point(11, balanced=False)
     whole = point.balance
     for rows in (1, 3, 7):
-        monkeypatch.setattr(bound, "_ROWS", rows)
+        monkeypatch.setattr(products, "_ROWS", rows)
         again = Point(point.problem, point.energy, point.u, point.lam).balance
         np.testing.assert_array_equal(again[0], whole[0])
         assert again[1] == whole[1]

@@ -320,7 +320,7 @@ def test_a_sweep_of_processes_is_interrupted_and_goes_on(block: Path) -> None:
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # whatever the tests were started with
     )  # fmt: skip
     end = time.monotonic() + 120.0
-    while time.monotonic() < end and (not kept.exists() or kept.read_text().count("\n") < 5):
+    while time.monotonic() < end and (not kept.exists() or kept.read_text().count("\n") < 200):
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
@@ -328,7 +328,7 @@ def test_a_sweep_of_processes_is_interrupted_and_goes_on(block: Path) -> None:
     assert err == "hemivar: interrupted\n"
     assert "run the same command to continue" in out
     done = kept.read_text().splitlines()
-    assert 5 <= len(done) < 800
+    assert 200 <= len(done) < 800
     again = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert again.returncode == 0, again.stderr
     assert kept.read_text().splitlines()[: len(done)] == done

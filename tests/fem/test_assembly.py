@@ -12,12 +12,16 @@ from skfem.helpers import ddot, sym_grad, trace
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import load_vector, stiffness_blocks, stiffness_matrix
+from hemivar.fem import assembly
+from hemivar.fem.assembly import integrated_load, load_vector, stiffness_blocks, stiffness_matrix
 from hemivar.fem.constitutive import elastic
 from hemivar.fem.edge_blocks import node_graph
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.unknowns import basis_of
+from hemivar.formula import Formula, FormulaArray
 from hemivar.mechanics import Material, Pressure
+from hemivar.mechanics.conditions import DataField
+from hemivar.mechanics.instants import Instant
 from hemivar.mesh import Mesh, box, rectangle
 from tests.samples import sampled
 
@@ -219,6 +223,32 @@ def test_loads(name: str, order: int) -> None:
     np.testing.assert_allclose(pressed.sum(axis=0), 2.0 * measure.sum() * direction, atol=1e-14)
     varying = load_vector(mesh, order, 0.0, {boundary: Pressure(lambda x: x[:, 1])}).reshape(-1, dim)
     np.testing.assert_allclose(varying.sum(axis=0), 0.5 * direction, atol=1e-14)
+
+
+@pytest.mark.parametrize("points", [1, 50, 10_000])
+def test_loads_of_functions_by_portions(points: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A density that knows the number of its cell: a force of ``k`` times a vector in cell k."""
+    mesh, vector = MESHES["cube"](), np.array([1.0, -2.0, 0.5])
+    numbers = np.arange(mesh.number_of_cells)
+    expected = np.zeros((mesh.number_of_nodes, 3))
+    np.add.at(expected, mesh.cells.ravel(), np.repeat(numbers * mesh.volumes / 4.0, 4)[:, None] * vector)
+    monkeypatch.setattr(assembly, "_POINTS", points)
+    monkeypatch.setattr(assembly, "_CHUNK", max(points // 7, 3))
+    found = integrated_load(mesh, 1, 3, lambda x, number: number[:, None] * vector, {})
+    np.testing.assert_allclose(found.reshape(-1, 3), expected, atol=1e-13 * np.abs(expected).max())
+
+
+def test_a_formula_of_time_alone_is_a_load_that_is_the_same_everywhere() -> None:
+    mesh = MESHES["cube"]()
+    formula = FormulaArray((Formula("sin(t)"), 0.0, Formula("-t^2")), (3,))
+    at = Instant(formula, 2.0)
+    assert DataField(at, "a load", 3).alike
+    constant = np.array([np.sin(2.0), 0.0, -4.0])
+    np.testing.assert_allclose(load_vector(mesh, 1, at), load_vector(mesh, 1, constant), rtol=1e-14)
+    varying = Instant(FormulaArray((Formula("x*t"), 0.0, 0.0), (3,)), 2.0)
+    assert not DataField(varying, "a load", 3).alike
+    middle = mesh.points[mesh.cells].mean(axis=1)
+    assert load_vector(mesh, 1, varying).sum() == pytest.approx(2.0 * (mesh.volumes @ middle[:, 0]))
 
 
 def test_loads_are_the_same_in_whatever_order_they_are_stated() -> None:

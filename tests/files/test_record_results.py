@@ -13,7 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
 from hemivar.files import read_solution, solution_record, write_csv, write_json, write_vtu
 from hemivar.files.boundary import contact_boundaries
-from hemivar.files.record import read_json
+from hemivar.files.record import laid_out, read_json
 from hemivar.gallery import beam, survey_cube
 from hemivar.laws import Compliance, Signorini
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Quadrature, Sphere
@@ -280,3 +280,9 @@ def test_places_along_a_bent_boundary(order: int, quadrature: str) -> None:
     x = problem.contact.points[part.index]
     assert name == "arc length"
     np.testing.assert_allclose(where, np.where(np.isclose(x[:, 1], 0.0), x[:, 0], 2.0 + x[:, 1]), atol=1e-14)
+
+
+def test_vectors_stand_in_a_file_as_lists_of_them_would() -> None:
+    vectors = np.concatenate([np.random.default_rng(0).standard_normal((20, 3)) * 1e-9, [[0.0, -0.0, 1e300]]])
+    assert laid_out(vectors) == json.dumps(vectors.tolist())
+    assert laid_out(vectors[:0]) == "[]"

@@ -8,6 +8,7 @@ import os
 import pickle
 import signal
 import threading
+import time
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -19,13 +20,20 @@ from hemivar.errors import MethodError, ProblemError
 
 __all__ = ["results"]
 
+#: Tasks for each process from which the first one is a small part.
+_MANY = 8
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
-def results(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int) -> Generator[Result, None, None]:
+def results(
+    function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, here: float = 0.0
+) -> Generator[Result, None, None]:
     """What a function makes of each task: one after the other here, or as they come from processes.
 
+    ``here``: seconds of work that this process does first where there are many tasks, which do not wait for one
+    another; and all of it where what is left looks like less than twice as much, for processes take a moment to begin.
     When the generator is closed, or Ctrl-C comes while it waits, the processes end; they end with this one, too.
     """
     jobs = min(jobs, len(tasks))
@@ -39,9 +47,17 @@ def results(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int
             f"other processes cannot get the work ({error}); write its function with def at the top level of "
             "a module, or take jobs = 1"
         ) from error
+    began, here = time.process_time(), here if len(tasks) >= _MANY * jobs else 0.0
+    for count, task in enumerate(tasks):
+        spent = time.process_time() - began
+        if spent >= here and spent * (len(tasks) - count) >= 2.0 * here * count:
+            break
+        yield function(task)
+    else:
+        return
     before = {child.pid for child in multiprocessing.active_children()}
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _prepare)
-    left, running, finished = iter(tasks), set[Future[Result]](), False
+    pool = ProcessPoolExecutor(min(jobs, len(tasks) - count), multiprocessing.get_context("spawn"), _prepare)
+    left, running, finished = iter(tasks[count:]), set[Future[Result]](), False
     try:
         while True:
             with handled(signal.SIG_IGN, "SIGINT"):  # processes are deaf to Ctrl-C from their first moment

@@ -28,6 +28,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import StateBound, VectorLaw
 from hemivar.laws.coupled import bounded
+from hemivar.linear.products import portions
 
 __all__ = [
     "OPERATIONS",
@@ -52,7 +53,6 @@ _SEARCH_STEPS = 60
 #: Operations between a strain and the stress of a material that is not linear.
 OPERATIONS = 32
 _Real = TypeVar("_Real", bound=np.floating)
-_ROWS = 1 << 14
 
 
 def gram_solve(trace: sp.csr_array, rhs: Array, active: BoolArray) -> Array | None:
@@ -309,12 +309,8 @@ def _rounding_size(point: Point, v: Array, load: Array, lam: Array) -> tuple[flo
 def _product(matrix: sp.csr_array, x: NDArray[_Real]) -> NDArray[_Real]:
     """``matrix @ x`` in the precision of x, some rows at a time."""
     out = np.zeros(matrix.shape[0], dtype=x.dtype)
-    for start in range(0, matrix.shape[0], _ROWS):
-        first = matrix.indptr[start : start + _ROWS + 1]
-        entries = slice(first[0], first[-1])
-        shape = (first.size - 1, matrix.shape[1])
-        data = matrix.data[entries].astype(x.dtype)
-        out[start : start + _ROWS] = sp.csr_array((data, matrix.indices[entries], first - first[0]), shape=shape) @ x
+    for rows, part in portions(matrix, lambda data: data.astype(x.dtype)):
+        out[rows] = part @ x
     return out
 
 

@@ -29,6 +29,8 @@ __all__ = ["Mode", "SolveByCycles", "SolveByMultigrid", "Subspace", "start_vecto
 
 #: An estimate of the smallest eigenvalue of K, scaled to a unit diagonal, that stands for zero if no mesh says more.
 _ESTIMATED = 1e-9
+#: Such an eigenvalue down to which cycles in single precision serve: rounding in them is 6e-8 over its root, in K.
+_SINGLE = 1e-8
 #: A pivot of the coarsest matrix this small against the diagonal entry of its row means that the matrix is singular.
 _SINGULAR = 1e-13
 #: Rows up to which an eigenproblem on the coarsest level is solved as a dense one.
@@ -49,6 +51,9 @@ _SAFETY = 0.5
 _APART = 0.1
 #: Cycles that tell how good one is.
 _TRIED = 12
+
+#: What is near to the inverse of a matrix, for vectors (n,).
+Cycle = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +173,10 @@ class SolveByCycles:
     method: str = "multigrid"
     #: See :class:`Factorised`.
     proves: bool = True
+    #: Whether rounding in a cycle is more than that of the products.
+    flexible: bool = False
 
-    def __init__(
-        self, stiffness: Matrix, diagonal: Array, cycle: Callable[[Array], Array], vectors: Vectors = WHOLE
-    ) -> None:
+    def __init__(self, stiffness: Matrix, diagonal: Array, cycle: Cycle, vectors: Vectors = WHOLE) -> None:
         self._matrix, self.diagonal, self._cycle, self.vectors = stiffness, diagonal, cycle, vectors
 
     @property
@@ -233,38 +238,42 @@ class SolveByCycles:
         return Subspace(self._matrix, cycles, S, np.ones(S.shape[0]), X, _BLOCK, vectors=self.vectors)
 
     def _descend(
-        self, A: Matrix, diagonal: Array, cycle: Callable[[Array], Array], b: Array, before: float = 0.0
+        self, A: Matrix, diagonal: Array, cycle: Cycle, b: Array, before: float = 0.0
     ) -> tuple[Array, float, float]:
         """Conjugate gradients: x near ``A^-1 b``, ``b'x``, and a bound of what ``b'A^-1 b`` has above it.
 
         They end once that is a small part of the whole, ``before`` included.
         """
         quality, total = self.quality, self.vectors.total
-        found, left = 0.0, 0.0
+        x, found, left = np.zeros_like(b), 0.0, 0.0
 
         def precondition(rest: Array) -> Array:
             nonlocal found, left
             check_time()
             z = cycle(rest)
-            left = max(float(total(float(rest @ z))[0]), 0.0) / quality
+            # b'A^-1 b = x'(b + r) + r'A^-1 r whatever x is; r'x is zero but for the rounding of the cycles.
+            gained, rest_seen = total(float(x @ b) + float(x @ rest), float(rest @ z)).tolist()
+            found, left = max(gained, 0.0), max(rest_seen, 0.0) / quality
             # A step of length one gains at most what is left.
             return np.zeros_like(z) if left <= _DUAL_ACCURACY * (found + before) else z
 
-        def gained(_: int, x: Array) -> Array:
-            nonlocal found
-            found = float(total(float(b @ x))[0])
+        def moved(_: int, to: Array) -> Array:
+            nonlocal x
+            x = to
             return np.zeros(0)
 
-        x = conjugate_gradients(A, diagonal, b, precondition, 0.0, _CYCLES, gained, self.vectors).solution
-        return x, max(found, 0.0), left
+        descent = conjugate_gradients(
+            A, diagonal, b, precondition, 0.0, _CYCLES, moved, self.vectors, flexible=self.flexible
+        )
+        return descent.solution, found, left
 
 
-def _columns(cycle: Callable[[Array], Array], right: Array) -> Array:
+def _columns(cycle: Cycle, right: Array) -> Array:
     """A cycle for each column."""
     return np.stack([cycle(b) for b in np.ascontiguousarray(right.T)], axis=1)
 
 
-def _kept(A: Matrix, cycle: Callable[[Array], Array], x: Array, vectors: Vectors = WHOLE) -> float:
+def _kept(A: Matrix, cycle: Cycle, x: Array, vectors: Vectors = WHOLE) -> float:
     """The largest factor by which a cycle was seen to reduce the error of ``A x = 0``, from a start x."""
     factor = 0.0
     for _ in range(_TRIED):
@@ -277,13 +286,23 @@ def _kept(A: Matrix, cycle: Callable[[Array], Array], x: Array, vectors: Vectors
 class SolveByMultigrid(SolveByCycles):
     """The stiffness K of a linear body and its levels, from coarse to fine."""
 
+    flexible = True
+
     def __init__(self, problem: DiscreteProblem, workspace: Workspace) -> None:
         self.problem = problem
         self.stiffness = problem.linear.stiffness
         self._levels = levels_of(problem, workspace).levels
         self._top = top = len(self._levels.sizes) - 1
         self._negative: float | None = None
-        super().__init__(LevelMatrix(self._levels, top), self._levels.diagonal(top), partial(self._levels.cycle, top))
+        super().__init__(LevelMatrix(self._levels, top), self._levels.diagonal(top), self._cycle_on(top))
+
+    def _fast_on(self, k: int) -> Cycle:
+        """The cycle on a level, in single precision where that is compiled."""
+        return partial(self._levels.fast_cycle, k)
+
+    def _cycle_on(self, k: int) -> Cycle:
+        """The same; in double precision where the body is hardly held."""
+        return lambda right: (self._levels.cycle if self.lowest < _SINGLE else self._levels.fast_cycle)(k, right)
 
     @cached_property
     def _known(self) -> bool | None:
@@ -320,7 +339,7 @@ class SolveByMultigrid(SolveByCycles):
         """
         k, levels = self._top - 1, self._levels
         coarse = levels.transfers[k].restriction @ b
-        return self._descend(LevelMatrix(levels, k), levels.diagonal(k), partial(levels.cycle, k), coarse)[1]
+        return self._descend(LevelMatrix(levels, k), levels.diagonal(k), self._cycle_on(k), coarse)[1]
 
     @cached_property
     def lowest(self) -> float:
@@ -333,12 +352,12 @@ class SolveByMultigrid(SolveByCycles):
         lowest = 0.0
         for k in range(1, self._top + 1):
             X = levels.transfers[k - 1].prolongation @ X
-            subspace = self._subspace(k, roots[k], X)
+            subspace = self._subspace(k, roots[k], X, self._fast_on(k))
             added = 0.0
             if self._known is None:  # the coarse levels may know nothing of its rigid motions
-                added = subspace.improve(self.quality, _STEPS, 0.1)
+                added = subspace.improve(self._fast_quality, _STEPS, 0.1)
             elif self._cheap(k):
-                subspace.improve(self.quality, 2, 0.1)
+                subspace.improve(self._fast_quality, 2, 0.1)
             if subspace.negative is not None:
                 if k == self._top:
                     self._negative = quotient(self.stiffness, subspace.negative, self.diagonal)
@@ -352,10 +371,18 @@ class SolveByMultigrid(SolveByCycles):
 
         By half once more for each algebraic level above that one, for such cycles deteriorate with their number.
         """
+        return self._quality_of(self._cycle_on) if self.lowest < _SINGLE else self._fast_quality
+
+    @cached_property
+    def _fast_quality(self) -> float:
+        """That of cycles in single precision."""
+        return self._quality_of(self._fast_on)
+
+    def _quality_of(self, cycle_on: Callable[[int], Cycle]) -> float:
         levels = self._levels
         k = max(k for k in range(self._top + 1) if self._cheap(k))
-        A, cycle = levels.matrix(k), partial(levels.cycle, k)
-        factor = _kept(A, cycle, cycle(np.random.default_rng(7).standard_normal(A.shape[0])))
+        A, cycle = LevelMatrix(levels, k), cycle_on(k)
+        factor = _kept(A, cycle, cycle(np.random.default_rng(7).standard_normal(levels.sizes[k])))
         deeper = max(min(levels.algebraic, self._top) - k, 0)
         return float(_SAFETY ** (1 + deeper) * max(1.0 - factor, 0.01))
 
@@ -369,15 +396,15 @@ class SolveByMultigrid(SolveByCycles):
         if np.any(np.diagonal(root) ** 2 <= _SINGULAR * np.diagonal(A)):
             return None
 
+        inverse, _ = la.lapack.dtrtri(root, lower=1)
+
         def up(x: Array) -> Array:
-            return np.asarray(la.solve_triangular(root, x, lower=True, trans="T"))
+            return np.asarray(inverse.T @ x)
 
         if len(A) <= _DENSE:
             image = S @ up(np.eye(len(A)))
             return up(np.linalg.eigh(image.T @ image)[1][:, ::-1][:, :count])
-        operator = spla.LinearOperator(
-            A.shape, matvec=lambda x: la.solve_triangular(root, S.T @ (S @ up(x.ravel())), lower=True), dtype=float
-        )
+        operator = spla.LinearOperator(A.shape, matvec=lambda x: inverse @ (S.T @ (S @ up(x.ravel()))), dtype=float)
         vectors = spla.eigsh(operator, k=count, which="LA", v0=start_vector(len(A)), tol=1e-4)[1]
         return up(vectors[:, ::-1])
 
@@ -400,7 +427,7 @@ class SolveByMultigrid(SolveByCycles):
         for k in range(1, self._top + 1):
             X = levels.transfers[k - 1].prolongation @ X
             count = _BLOCK if self._cheap(k) and k < self._top else 1
-            subspace = self._subspace(k, parts[k], X, count)
+            subspace = self._subspace(k, parts[k], X, self._cycle_on(k), count)
             limit, told = (_STEPS, near) if k == self._top else (_COARSE_STEPS, None)
             added = subspace.improve(self.quality, limit, _EIGEN_ACCURACY, gap, told)
             X, gap = subspace.X, subspace.gap(gap)
@@ -447,10 +474,8 @@ class SolveByMultigrid(SolveByCycles):
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0]) if top > 1.0 or top + added < 1.0 else None
 
-    def _subspace(self, k: int, S: sp.csr_array, X: Array, count: int = 1) -> Subspace:
-        return Subspace(
-            self._levels.matrix(k), partial(_columns, partial(self._levels.cycle, k)), S, np.ones(S.shape[0]), X, count
-        )
+    def _subspace(self, k: int, S: sp.csr_array, X: Array, cycle: Cycle, count: int = 1) -> Subspace:
+        return Subspace(self._levels.matrix(k), partial(_columns, cycle), S, np.ones(S.shape[0]), X, count)
 
 
 def start_vector(n: int) -> Array:

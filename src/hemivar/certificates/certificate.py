@@ -34,7 +34,7 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import inaccurate_law, residual
 from hemivar.errors import ProblemError
-from hemivar.fem.small_strain import deformation_of
+from hemivar.fem.small_strain import Deformation, deformation_of
 from hemivar.fem.stress_stiffness import stiffens, stressed_problem
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
@@ -133,6 +133,7 @@ def certify(
     0.11
     """
     distance = above("certificate.certify", "exact=True") if exact else None
+    deformed = getattr(problem, "deformation", None)  # what a solution knows already
     problem, given, multiplier = _pair(problem, displacement, multiplier)
     if factor is not None:
         expect(factor, EnergyNorm, "the factor", "pass hemivar.certificates.energy_norm(problem)")
@@ -160,7 +161,7 @@ def certify(
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
         point = Point(problem, energy, u, lam)
-        found = certified(point, tolerance, kept if trace_constant else None, budget, exact)
+        found = certified(point, tolerance, kept if trace_constant else None, budget, exact, deformed)
     if distance is None:
         return found
     return replace(found, exact=distance(problem, u, max_time=budget.left, workspace=kept))
@@ -231,7 +232,12 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
 
 
 def certified(
-    point: Point, tolerance: float, kept: Workspace | None, budget: Budget, exact: bool = False
+    point: Point,
+    tolerance: float,
+    kept: Workspace | None,
+    budget: Budget,
+    exact: bool = False,
+    deformed: object = None,
 ) -> Certificate:
     """The certificate of a point, with the trace constant where a workspace is given, in space of the body if exact.
 
@@ -281,7 +287,8 @@ def certified(
     elif not energy.at_hand:
         left_out.append("trace constant")
     size = energy.norm(u)
-    deformed = deformation_of(problem, u)
+    if not isinstance(deformed, Deformation):
+        deformed = deformation_of(problem, u)
     strained = None if deformed is None else deformed.warning
     inaccurate = None if stationary else inaccurate_law(problem, u, lam, found)
     with np.errstate(invalid="ignore"):

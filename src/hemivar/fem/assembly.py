@@ -40,8 +40,9 @@ __all__ = [
     "stiffness_matrix",
 ]
 
-#: Cells whose loads are formed, and edges whose blocks are multiplied, at a time.
+#: Edges whose blocks are multiplied, and points at which loads are taken, at a time.
 _CHUNK = 1 << 17
+_POINTS = 1 << 15
 #: In how many portions cells are summed up, and the least number of cells in one, by order.
 _PORTIONS = 16
 _LEAST = {1: 1 << 14, 2: 1 << 12}
@@ -219,9 +220,9 @@ def load_vector(
 
     def density(load: VectorData | ScalarData, what: str) -> Density:
         field = DataField(load, what, components)
-        if callable(load):
-            return lambda points, _: field.at(points).reshape(len(points), -1)
-        return field.at(mesh.points[:1]).reshape(-1)
+        if field.alike:
+            return field.at(mesh.points[:1]).reshape(-1)
+        return lambda points, _: field.at(points).reshape(len(points), -1)
 
     def on(name: str, traction: Traction) -> Density:
         if not isinstance(traction, Pressure):
@@ -288,9 +289,30 @@ def _add_load(
         return
     for start in range(0, len(simplices), _CHUNK):
         part = slice(start, start + _CHUNK)
-        places = np.einsum("qk,mkd->mqd", barycentric, points[simplices[part]])
-        owner = np.repeat(np.arange(start, start + len(places)), len(weights))
-        force = density(places.reshape(-1, points.shape[1]), owner).reshape(*places.shape[:2], -1)
-        local = np.einsum("q,qk,mqc,m->mkc", weights, shapes, force, measures[part], optimize=True)
-        for c in range(load.shape[1]):
-            load[:, c] += np.bincount(nodes[part].ravel(), weights=local[:, :, c].ravel(), minlength=len(load))
+        owner = np.arange(start, start + len(nodes[part]))
+        local = _integrals(points, simplices[part], owner, barycentric, weights[:, None] * shapes, density)
+        for component, own in zip(load.T, local, strict=True):
+            own *= measures[part, None]
+            component += np.bincount(nodes[part].ravel(), weights=own.ravel(), minlength=len(load))
+
+
+def _integrals(
+    points: Array,
+    simplices: IntArray,
+    number: IntArray,
+    barycentric: Array,
+    table: Array,
+    density: Callable[[Array, IntArray], Array],
+) -> Array:
+    """Mean values of a density times the shape functions on simplices of these numbers, shape (c, k, L).
+
+    Shapes: ``table`` (q, L), the shape functions times the weights of the rule.
+    """
+    found, step = [], max(_POINTS // len(table), 1)
+    for start in range(0, len(simplices), step):
+        part = slice(start, start + step)
+        # One coordinate after the other in memory, as functions take them.
+        places = np.stack([x[simplices[part]] @ barycentric.T for x in points.T]).reshape(points.shape[1], -1)
+        force = density(places.T, np.repeat(number[part], len(table))).T
+        found.append(force.reshape(len(force), -1, len(table)) @ table)
+    return np.concatenate(found, axis=1)

@@ -9,9 +9,9 @@ import numpy as np
 
 from hemivar.basics.arguments import described
 from hemivar.basics.arrays import real_array
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
+from hemivar.fem.elements import barycentric_gradients, scaled_gradients, shape_derivatives, voigt_index
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.rings import hoop_strain
 from hemivar.mechanics.statement import ContactProblem, expect_body
@@ -70,16 +70,22 @@ def stress(source: ContactProblem, displacement: Array) -> Array:
     array, shape (M, d, d)
     """
     expect_body(source, "what the stress is taken of", "it needs the material: pass the ContactProblem")
+    found = _stress_rows(source, displacement)
+    return np.asarray(found[:, voigt_index(source.mesh.dim)])
+
+
+def _stress_rows(source: ContactProblem, displacement: Array) -> Array:
+    """The same in the order of the elasticity matrix, shape (M, v)."""
     eps = strain(source, displacement)
     mesh, index = source.mesh, voigt_index(source.mesh.dim)
-    doubled = np.zeros((len(eps), int(index.max()) + 1))
+    doubled = np.zeros((int(index.max()) + 1, len(eps)))
     for (i, j), row in np.ndenumerate(index):
-        doubled[:, row] += eps[:, i, j]
+        doubled[row] += eps[:, i, j]
     places, masks = _centroids(mesh), region_masks(mesh)
-    found: Array = source.material.stress(places, doubled, masks)
+    found: Array = source.material.stress(places, doubled.T, masks)
     if source.material.axisymmetric:
         found = found + source.material.hoop_row(places, masks)[:, :3] * _around(source, displacement)[:, None]
-    return np.asarray(found[:, index])
+    return found
 
 
 def _around(source: FieldSource, displacement: Array) -> Array:
@@ -111,14 +117,12 @@ def von_mises(source: ContactProblem, displacement: Array) -> Array:
     -------
     array, shape (M,)
     """
-    deviator = stress(source, displacement)  # as it comes: the mean is taken off below
-    diagonal = np.einsum("mii->mi", deviator)
-    across = out_of_plane_stress(source, displacement) if source.mesh.dim == 2 else np.zeros(len(deviator))
-    mean = (diagonal.sum(axis=1) + across) / 3.0
-    diagonal -= mean[:, None]
-    square = np.einsum("mij,mij->m", deviator, deviator)
-    if source.mesh.dim == 2:
-        square += (across - mean) ** 2
+    expect_body(source, "what the stress is taken of", "it needs the material: pass the ContactProblem")
+    dim, rows = source.mesh.dim, _stress_rows(source, displacement).T
+    across = [out_of_plane_stress(source, displacement)] if dim == 2 else []
+    diagonal = [*rows[:dim], *across]
+    mean = sum(diagonal) / 3.0  # taken off before anything is squared
+    square = sum((part - mean) ** 2 for part in diagonal) + 2.0 * sum(shear**2 for shear in rows[dim:])
     return np.asarray(np.sqrt(1.5 * square))
 
 
@@ -212,11 +216,22 @@ def v_norm(source: FieldSource | Mesh, displacement: Array) -> float:
 
 def _strain_at(mesh: Mesh, order: int, displacement: Array, barycentric: Array) -> Array:
     """Strain at the same barycentric point of every cell, shape (M, d, d)."""
-    slopes = barycentric_gradients(mesh)
-    if order == 2:
-        slopes = np.einsum("ab,mbd->mad", shape_derivatives(order, barycentric), slopes)
-    gradient = displacement[mesh.cell_nodes(order)].transpose(0, 2, 1) @ slopes
-    return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+    slopes = scaled_gradients(mesh, slice(None), mesh.volumes)
+    gradient = gradients_at(slopes, mesh.cell_nodes(order), displacement, order, barycentric)
+    return np.asarray(0.5 * (gradient + gradient.transpose(1, 0, 2))).transpose(2, 0, 1)
+
+
+def gradients_at(slopes: Array, nodes: IntArray, displacement: Array, order: int, barycentric: Array) -> Array:
+    """Gradients of a displacement at the same barycentric point of some cells, shape (d, d, k).
+
+    Shapes: ``slopes`` of the barycentric coordinates (d + 1, d, k), ``nodes`` of the cells (k, L).
+    """
+    shapes = slopes if order == 1 else np.tensordot(shape_derivatives(order, barycentric), slopes, axes=1)
+    gradient = np.zeros((displacement.shape[1], *slopes.shape[1:]))
+    for number, shape in zip(nodes.T, shapes, strict=True):
+        for component, moved in zip(gradient, displacement.T, strict=True):
+            component += moved[number] * shape
+    return gradient
 
 
 def _mesh_and_order(source: FieldSource | Mesh, displacement: Array) -> tuple[Mesh, int]:
@@ -233,4 +248,4 @@ def _mesh_and_order(source: FieldSource | Mesh, displacement: Array) -> tuple[Me
 
 
 def _centroids(mesh: Mesh) -> Array:
-    return np.asarray(mesh.points[mesh.cells].mean(axis=1))
+    return np.asarray(sum(mesh.points[corner] for corner in mesh.cells.T) / (mesh.dim + 1))

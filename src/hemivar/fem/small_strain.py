@@ -10,8 +10,8 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.fem.elements import scaled_gradients, shape_derivatives
-from hemivar.fem.fields import FieldSource, _mesh_and_order
+from hemivar.fem.elements import scaled_gradients
+from hemivar.fem.fields import FieldSource, _mesh_and_order, gradients_at
 from hemivar.fem.rings import hoop_strain
 from hemivar.fem.stress_stiffness import stiffened_by
 from hemivar.mechanics.statement import ContactProblem
@@ -136,14 +136,10 @@ def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:
     strain = rotation = volume = 0.0
     for start in range(0, mesh.number_of_cells, _CELLS_AT_A_TIME):
         cells = slice(start, start + _CELLS_AT_A_TIME)
-        slopes, nodes_of = scaled_gradients(mesh, cells, mesh.volumes[cells]), nodes[cells].T
-        beyond: BoolArray = np.zeros(nodes_of.shape[1], dtype=bool)
+        slopes = scaled_gradients(mesh, cells, mesh.volumes[cells])
+        beyond: BoolArray = np.zeros(slopes.shape[2], dtype=bool)
         for corner in corners:
-            shapes = slopes if order == 1 else np.tensordot(shape_derivatives(order, corner), slopes, axes=1)
-            gradient = np.zeros((mesh.dim, mesh.dim, beyond.size))
-            for number, shape in zip(nodes_of, shapes, strict=True):
-                for component, moved in zip(gradient, displacement.T, strict=True):
-                    component += moved[number] * shape
+            gradient = gradients_at(slopes, nodes[cells], displacement, order, corner)
             stretched, turned = _principal(gradient), _angle(gradient)
             strain, rotation = max(strain, float(stretched.max())), max(rotation, float(turned.max()))
             beyond |= (stretched >= SMALL) | (turned >= SMALL)

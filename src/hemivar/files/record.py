@@ -184,7 +184,10 @@ def plain(value: object) -> object:
 
 
 def laid_out(value: object, margin: str = "") -> str:
-    """JSON of plain numbers, lists and strings, with each key on a line of its own."""
+    """JSON of plain numbers, lists and strings, and of finite vectors (n, d); each key is on a line of its own."""
+    if isinstance(value, np.ndarray):  # a list for each vector takes as long as the numbers
+        row = ", ".join(["%r"] * value.shape[1])
+        return "[" + ", ".join([f"[{row}]"] * len(value)) % tuple(value.ravel().tolist()) + "]"
     if not isinstance(value, dict) or not value:
         return json.dumps(value, allow_nan=False)
     inner = margin + " "
@@ -226,9 +229,9 @@ def write_json(
     path = prepared(path, ".json")
     if arrays is not None:
         return _with_arrays(solution, path, certificate, more or {}, prepared(arrays, ".npz"))
-    record = solution_record(solution, certificate)
+    record, moved = result_record(solution, certificate), solution.displacement
     record |= {key: plain(value) for key, value in ({} if more is None else more).items()}
-    record["displacement"] = record.pop("displacement")  # it comes last, for it is long
+    record["displacement"] = moved if moved.ndim == 2 and np.isfinite(moved).all() else plain(moved)
     write_text(path, laid_out(record) + "\n")
     return path
 

@@ -12,6 +12,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.linear.products import portions, product
 
 __all__ = [
     "below_zero",
@@ -32,8 +33,8 @@ _ULPS = 64.0
 def rounding(matrix: sp.csr_array, diagonal: Array | None = None) -> float:
     """What rounding may make of an eigenvalue that is zero."""
     root = np.sqrt(matrix.diagonal() if diagonal is None else diagonal)
-    sums = abs(matrix) @ (1.0 / root) / root
-    return float(_ULPS * np.finfo(float).eps * sums.max(initial=1.0))
+    sums = [float((product(part, 1.0 / root) / root[rows]).max()) for rows, part in portions(matrix, np.abs)]
+    return float(_ULPS * np.finfo(float).eps * np.max(sums, initial=1.0))
 
 
 def quotient(matrix: sp.csr_array, vector: Array, diagonal: Array | None = None) -> float:

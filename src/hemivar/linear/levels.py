@@ -171,6 +171,10 @@ class Levels:
         """One symmetric V-cycle from zero: an approximate solution for the right-hand side (n,) of a level."""
         return self._whole.cycle(k, right)
 
+    def fast_cycle(self, k: int, right: Array) -> Array:
+        """The same by the compiled kernels, in single precision inside; for iterations that bear that."""
+        return self._whole.fast_cycle(k, right)
+
     def preconditioner(self, k: int) -> Preconditioner:
         """The cycle on a level, for one solve."""
         return Preconditioner(self._whole, k)

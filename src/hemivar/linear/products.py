@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -13,7 +15,10 @@ try:  # what ``@`` ends in
 except ImportError:  # SciPy has moved it
     csr_matvec = None
 
-__all__ = ["diagonal", "product"]
+__all__ = ["diagonal", "portions", "product"]
+
+#: Rows of a portion.
+_ROWS = 1 << 12
 
 
 def diagonal(A: sp.csr_array) -> Array:
@@ -38,3 +43,15 @@ def product(A: sp.csr_array, x: Array) -> Array:
     out = np.zeros(rows)
     csr_matvec(rows, columns, A.indptr, A.indices, data, x, out)
     return out
+
+
+def portions(A: sp.csr_array, change: Callable[[Array], Array]) -> Iterator[tuple[slice, sp.csr_array]]:
+    """Some rows of a matrix after the other, with other entries: a copy of all takes longer than what is done with it.
+
+    Which rows, and their part of the matrix with the entries that ``change`` makes of (k,).
+    """
+    for start in range(0, A.shape[0], _ROWS):
+        first = A.indptr[start : start + _ROWS + 1]
+        entries = slice(first[0], first[-1])
+        parts = (change(A.data[entries]), A.indices[entries], first - first[0])
+        yield slice(start, start + _ROWS), sp.csr_array(parts, shape=(first.size - 1, A.shape[1]))

@@ -16,7 +16,7 @@ from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula, FormulaArray
-from hemivar.mechanics.instants import at_time, depends_on_time
+from hemivar.mechanics.instants import Instant, at_time, depends_on_time
 
 __all__ = [
     "SUPPORTS",
@@ -229,6 +229,12 @@ class DataField:
     value: object
     name: str
     components: int = 1
+
+    @property
+    def alike(self) -> bool:
+        """Whether the value is known to be the same at every place: a number, or a formula of nothing but the time."""
+        value = self.value.value if isinstance(self.value, Instant) else self.value
+        return not callable(value) or (isinstance(value, Formula | FormulaArray) and value.variables <= {"t"})
 
     def at(self, points: Array, time: float | None = None) -> Array:
         """Values at points (k, d), of a number shape (k,), of a vector (k, components)."""

@@ -39,6 +39,8 @@ __all__ = ["Sweep", "SweepAxis", "SweepEvent", "SweepOptions", "read_axis", "swe
 
 #: Points of a sweep.
 _MOST_POINTS = 1_000_000
+#: Seconds of work that it takes other processes to begin.
+_BEGIN = 1.0
 #: Digits of the values of a range.
 _DIGITS = 12
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -127,8 +129,8 @@ class SweepOptions:
     search : SolutionsOptions
         How far to look for solutions at each point; see :func:`hemivar.find_solutions`.
     jobs : int
-        Processes that work at once.  A script that asks for more than one does so below
-        ``if __name__ == "__main__":``, for each process reads it again.
+        Processes that work at once; of many points, once the first second has shown that there is work for them.  A
+        script that asks for more than one does so below ``if __name__ == "__main__":``, for each reads it again.
     checkpoint : str or Path, optional
         A file to which every point goes when it is done; points that it holds are not computed again.
     must_keep : bool
@@ -360,7 +362,7 @@ def sweeping(
     ]
     interrupted = False
     try:
-        with contextlib.closing(results(_point, tasks, options.jobs)) as points:
+        with contextlib.closing(results(_point, tasks, options.jobs, _BEGIN)) as points:
             for point in points:
                 if record is not None:
                     record.add(point)
