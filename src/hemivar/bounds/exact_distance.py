@@ -43,7 +43,7 @@ from hemivar.bounds.contact_traces import (
 )
 from hemivar.bounds.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.bounds.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
-from hemivar.bounds.flat_cells import FLAT, bettered, flatness
+from hemivar.bounds.flat_cells import are_flat, bettered
 from hemivar.bounds.hypotheses import (
     check_supports,
     fixed_gaps,
@@ -60,6 +60,7 @@ from hemivar.bounds.touching_bodies import contact_moments, shared_anew, touchin
 from hemivar.bounds.trace_bounds import TraceBounds
 from hemivar.bounds.vertex_moments import shared_on_contact
 from hemivar.errors import MethodError, ProblemError
+from hemivar.fem.transfer import interpolate
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import solve
@@ -277,24 +278,23 @@ def _by_better_cells(
     What it says of cells and facets stays that of the mesh of the displacement.
     """
     data = found.stress.data
-    if data.order > 1 or not found.distance < np.inf or flatness(data.table).max() < FLAT:
+    if not found.distance < np.inf or not are_flat(data.table):
         return found
-    seen = unresolved(data)
-    best, finer, over, added = found, found, displacement, found.added(constants)
+    seen = unresolved(data) if data.order == 1 else 0.0
+    best, finer, added = found, found, found.added(constants)
     for _ in range(_MESHES):
-        if best.distance <= _ENOUGH * seen:
+        if best.distance <= _ENOUGH * seen or (mesh := bettered(finer.stress.data.table, added)) is None:
             break
-        better = bettered(finer.stress.data.table, added, over)
-        if better is None:
-            break
-        mesh, over = better
         other = replace(problem, mesh=mesh)
         try:
-            w = solve(other).displacement
+            solution = solve(other)
+            w = solution.displacement
             finer = _of_body(other, w, constants, sweeps, unmet_hypotheses(other, w), None)
         except _IN_VAIN:
             break
-        added, apart = finer.added(constants), float(np.sqrt(finer.stress.data.moved(w - over).energy))
+        assert solution.problem.field is not None
+        change = w - interpolate(problem.mesh, displacement, solution.problem.field)
+        added, apart = finer.added(constants), float(np.sqrt(finer.stress.data.moved(change).energy))
         seen = max(seen, apart)
         if finer.guaranteed >= best.guaranteed and finer.distance + apart < best.distance:
             best = _by_way_of(found, finer, apart)

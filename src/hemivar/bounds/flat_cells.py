@@ -13,10 +13,12 @@ from hemivar.bounds.facet_table import FacetTable, facet_table
 from hemivar.mesh.local_refinement import bisected
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["FLAT", "bettered", "flatness", "largest_share"]
+__all__ = ["are_flat", "bettered", "largest_share"]
 
-#: Lengths of cells over their heights from which on they are flat, and from which on they are halved.
-FLAT, _LONG = 24.0, 5.0
+#: Lengths of cells over their heights from which on they are flat, in the plane and in space.
+_FLAT = {2: 24.0, 3: 12.0}
+#: That from which on they are halved.
+_LONG = 5.0
 #: How often cells are halved, and their parts.
 _HALVINGS = 3
 #: Part of the sum that the cells add which are halved, and how many these are at most, in the plane and in space.
@@ -25,7 +27,12 @@ _SHARE, _MOST = 0.6, {2: 500, 3: 60}
 _ALIKE = 1e-9
 
 
-def flatness(table: FacetTable) -> Array:
+def are_flat(table: FacetTable) -> bool:
+    """Whether some cells are."""
+    return bool(_flatness(table).max() >= _FLAT[table.dim])
+
+
+def _flatness(table: FacetTable) -> Array:
     """The longest edge of each cell over its least height, (M,)."""
     mesh = table.mesh
     ends = mesh.points[mesh.edges]
@@ -41,20 +48,17 @@ def largest_share(added: Array, share: float) -> BoolArray:
     return np.asarray(added >= (1.0 - _ALIKE) * last)
 
 
-def bettered(table: FacetTable, added: Array, values: Array) -> tuple[Mesh, Array] | None:
-    """A mesh on which the long cells that add most are halved some times, and nodal values there.
+def bettered(table: FacetTable, added: Array) -> Mesh | None:
+    """A mesh on which the long cells that add most, by what cells add (M,), are halved some times.
 
     None without such, or if they are many: in space a bound that is not sharp is better than one that takes minutes.
-
-    Shapes: ``added`` (M,), ``values`` (N, ...).
     """
-    mesh, marked = table.mesh, largest_share(added, _SHARE) & (flatness(table) > _LONG)
+    mesh, marked = table.mesh, largest_share(added, _SHARE) & (_flatness(table) > _LONG)
     if not 0 < np.count_nonzero(marked) <= _MOST[table.dim]:
         return None
     for _ in range(_HALVINGS):
-        mesh, interpolation, parent = bisected(mesh, marked)
-        values = interpolation @ values
-        marked = marked[parent] & (flatness(facet_table(mesh)) > _LONG)
+        mesh, parent = bisected(mesh, marked)
+        marked = marked[parent] & (_flatness(facet_table(mesh)) > _LONG)
         if not marked.any():
             break
-    return mesh, values
+    return mesh

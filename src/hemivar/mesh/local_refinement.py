@@ -14,7 +14,6 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from hemivar.basics.arrays import unmasked
 from hemivar.basics.memory import mesh_bytes, require
@@ -56,14 +55,14 @@ def refined_where(mesh: Mesh, cells: object) -> Mesh:
     return family.grown()
 
 
-def bisected(mesh: Mesh, cells: BoolArray) -> tuple[Mesh, sp.csr_array, IntArray]:
+def bisected(mesh: Mesh, cells: BoolArray) -> tuple[Mesh, IntArray]:
     """The mesh with the longest edges of some cells (M,) halved; no generation of :func:`refined_where`.
 
     Cells that are flat, or needles, come nearer to good shapes so.  A neighbour that shares such an edge is halved at
-    its own longest one first (Rivara, Int. J. Numer. Meth. Engng. 20, 1984).  With it come the interpolation
-    (N', N) of nodal values, and the cell that each of the new ones is a part of.
+    its own longest one first (Rivara, Int. J. Numer. Meth. Engng. 20, 1984).  With it comes the cell that each of the
+    new ones is a part of.
     """
-    parent, nodal = np.arange(mesh.number_of_cells), sp.csr_array(sp.identity(mesh.number_of_nodes))
+    parent = np.arange(mesh.number_of_cells)
     wanted = mesh.edges[_longest_of(mesh, np.asarray(cells))]
     while len(wanted):
         marked = np.isin(pair_keys(mesh.edges, mesh.number_of_nodes), pair_keys(wanted, mesh.number_of_nodes))
@@ -74,11 +73,11 @@ def bisected(mesh: Mesh, cells: BoolArray) -> tuple[Mesh, sp.csr_array, IntArray
         wanted = mesh.edges[marked & ~ready]
         mesh = _cut(mesh, ready)
         assert mesh.parent is not None
-        parent, nodal = parent[mesh.parent.cells], mesh.parent.interpolation @ nodal
+        parent = parent[mesh.parent.cells]
     bare = mesh.trusted(
         mesh.points, mesh.cells, mesh.boundaries, mesh.regions, interfaces=mesh.interfaces, reading=mesh.reading
     )
-    return bare, nodal, parent
+    return bare, parent
 
 
 def _by_length(mesh: Mesh) -> IntArray:
