@@ -11,6 +11,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mesh import Mesh, box, rectangle
+from hemivar.mesh.local_refinement import bisected
 from hemivar.solvers import NonsmoothMultigrid, NonsmoothNewton
 from tests import bodies
 
@@ -25,11 +26,15 @@ MESHES: dict[str, Make] = {
 }
 
 
+def lengths(mesh: Mesh) -> Array:
+    """The longest edges of the cells, (M,)."""
+    ends = mesh.points[mesh.edges]
+    return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)[mesh.cell_edges].max(axis=1))
+
+
 def shapes(mesh: Mesh) -> Array:
     """Volume by the longest edge, which is 0 for a degenerate cell, (M,)."""
-    ends = mesh.points[mesh.edges]
-    longest = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)[mesh.cell_edges].max(axis=1)
-    return np.asarray(mesh.volumes / longest**mesh.dim)
+    return np.asarray(mesh.volumes / lengths(mesh) ** mesh.dim)
 
 
 def around(mesh: Mesh, count: int) -> Array:
@@ -199,3 +204,28 @@ def test_multigrid_takes_hardly_more_cycles_than_on_uniform_meshes(mesh: str, ti
     size = np.abs(direct.unknowns).max()
     np.testing.assert_allclose(found.unknowns, direct.unknowns, rtol=0.0, atol=1e-6 * size)
     assert found.energy == pytest.approx(direct.energy, rel=1e-10)
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_halved_cells_come_nearer_to_good_shapes(name: str) -> None:
+    """Flat cells halved at their longest edges: sound meshes, named alike, cells at most half as long in the end."""
+    whole = MESHES[name]()
+    points, half_of_them = whole.points.copy(), np.arange(whole.number_of_cells // 2)
+    points[:, -1] *= 0.02
+    mesh = Mesh(points, whole.cells, dict(whole.boundaries), {"half": half_of_them})
+    volume, half = mesh.volumes.sum(), mesh.volumes[mesh.regions["half"]].sum()
+    areas = {key: mesh.facet_normals(facets)[1].sum() for key, facets in mesh.boundaries.items()}
+    chosen = np.zeros(mesh.number_of_cells, dtype=bool)
+    chosen[around(mesh, 3)] = True
+    longest = lengths(mesh)[chosen].max()
+    for _ in range(6):
+        finer, parent = bisected(mesh, chosen)
+        Mesh(finer.points, finer.cells, finer.boundaries, finer.regions)
+        assert np.bincount(parent)[chosen].min() >= 2
+        assert np.bincount(parent, weights=finer.volumes) == pytest.approx(mesh.volumes, rel=1e-12)
+        mesh, chosen = finer, chosen[parent]
+    assert mesh.volumes.sum() == pytest.approx(volume, rel=1e-12)
+    assert mesh.volumes[mesh.regions["half"]].sum() == pytest.approx(half, rel=1e-12)
+    for key, facets in mesh.boundaries.items():
+        assert mesh.facet_normals(facets)[1].sum() == pytest.approx(areas[key], rel=1e-12)
+    assert lengths(mesh)[chosen].max() <= 0.51 * longest

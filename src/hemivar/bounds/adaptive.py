@@ -25,9 +25,10 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
-from hemivar.basics.types import Array, BoolArray, Record
+from hemivar.basics.types import Array, Record
 from hemivar.bounds.adaptive_end import AdaptiveEnd
 from hemivar.bounds.exact_distance import ExactDistance, exact_distance
+from hemivar.bounds.flat_cells import largest_share
 from hemivar.bounds.goal_values import GoalValue, goal_value
 from hemivar.bounds.goals import Goal, goal_named
 from hemivar.bounds.joined_refinement import refined_alike
@@ -50,8 +51,6 @@ _BYTES = {2: 6e3, 3: 3e4}
 _FEW = {2: 32, 3: 48}
 #: Part of the distance below which what a solve leaves is rounding.
 _ROUNDING = 1e-9
-#: Part by which two cells may differ in what they add by rounding.
-_ALIKE = 1e-9
 #: Ends by a limit.
 _LIMITS = (AdaptiveEnd.MAX_UNKNOWNS, AdaptiveEnd.MAX_TIME, AdaptiveEnd.MAX_MEMORY)
 
@@ -322,7 +321,7 @@ def solving_adaptive(
                 break
             distance = exact_distance(problem, solution.displacement, constants)
             value = None if wanted is None else goal_value(wanted, solution, distance, constants)
-            indicator = _indicator(distance, constants) if value is None else value.indicator
+            indicator = distance.added(constants) if value is None else value.indicator
             now = time.perf_counter()
             levels.append(AdaptiveLevel(solution, distance, indicator, now - began, value))
             told = yield levels[-1]
@@ -330,8 +329,8 @@ def solving_adaptive(
             if last is not None:
                 ended = last
                 break
-            indicator = _indicator(distance, constants) if levels[-1].estimated(rtol) else levels[-1].indicator
-            mesh = refined_alike(problem, _marked(indicator, share))
+            indicator = distance.added(constants) if levels[-1].estimated(rtol) else levels[-1].indicator
+            mesh = refined_alike(problem, largest_share(indicator, share))
             grown = mesh.number_of_cells / problem.mesh.number_of_cells
             if time.perf_counter() - began + grown * (now - started) > max_time:
                 ended = AdaptiveEnd.MAX_TIME
@@ -456,22 +455,3 @@ def _initial(solution: Solution, finer: DiscreteProblem) -> Array:
     assert before is not None
     assert after is not None
     return after.restrict(interpolate(before, solution.displacement, after))
-
-
-def _indicator(distance: ExactDistance, constants: TraceBounds) -> Array:
-    """What each cell adds, (M,)."""
-    found = distance.cells + distance.missed
-    table = distance.stress.data.table
-    if len(distance.facets):
-        owner = table.owners[table.numbers(distance.facets), 0]
-        known = 0.0 < constants.both < np.inf
-        np.add.at(found, owner, distance.facet_gap + (distance.facet_contact / constants.both if known else 0.0))
-    return found
-
-
-def _marked(indicator: Array, share: float) -> BoolArray:
-    """The fewest cells that hold a share of the sum, and those that add as much as the last of them."""
-    largest = -np.sort(-indicator)
-    held = np.cumsum(largest)
-    last = largest[min(int(np.searchsorted(held, share * held[-1])), len(largest) - 1)]
-    return np.asarray(indicator >= (1.0 - _ALIKE) * last)

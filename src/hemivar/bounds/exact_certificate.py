@@ -101,6 +101,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
         gap=parts.gap,
         constant=found.constant,
         seconds=seconds,
+        above=found.above,
         geometry=body_shape(found.stress.data.table.mesh),
     )
 

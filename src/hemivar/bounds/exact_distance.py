@@ -14,6 +14,9 @@ For a material with a stored energy W the same holds in the norm of its lower te
 ``eta^2 = 2 int W(eps(u)) + W*(s) - s : eps(u)`` (:mod:`hemivar.bounds.bulk_gap`).
 
 Each part, normal and tangential, of each facet may do either; c and G then take of each what belongs to its choice.
+On flat cells a displacement w on better ones is bounded, and ``|u - u_h|_a <= |u - w|_a + |w - u_h|_a``: meshes are
+nested, so that the second is known.  It, or what bubbles of edges show of the error, tells what the bound is over that.
+
 Proofs are in docs/theory/bounds.md.
 """
 
@@ -31,7 +34,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.bounds.bare_body import has_constant_normals
 from hemivar.bounds.body_data import BodyData, body_data, exact_loads
-from hemivar.bounds.conjugate_sweeps import Sweeps
+from hemivar.bounds.conjugate_sweeps import Sweeps, unresolved
 from hemivar.bounds.contact_traces import (
     ContactTraces,
     admissible_displacement,
@@ -40,6 +43,7 @@ from hemivar.bounds.contact_traces import (
 )
 from hemivar.bounds.convex_distance import BareStiffness, balanced_stress, not_convex
 from hemivar.bounds.fenchel import FenchelGap, exact_gap, fenchel_gap, following, one_sided_constants
+from hemivar.bounds.flat_cells import are_flat, bettered
 from hemivar.bounds.hypotheses import (
     check_supports,
     fixed_gaps,
@@ -56,8 +60,10 @@ from hemivar.bounds.touching_bodies import contact_moments, shared_anew, touchin
 from hemivar.bounds.trace_bounds import TraceBounds
 from hemivar.bounds.vertex_moments import shared_on_contact
 from hemivar.errors import MethodError, ProblemError
+from hemivar.fem.transfer import interpolate
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.solvers import solve
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["DistanceParts", "ExactDistance", "exact_distance"]
@@ -84,6 +90,10 @@ _LEAST = 0.05
 _MISSED = 0.1
 #: Contact part of a bound, over the misfit, from which a convex law is looked at without constants of the body, too.
 _POOR = 0.5
+#: What may become of an attempt.
+_IN_VAIN = (MethodError, ProblemError, OutOfTime, MemoryError, np.linalg.LinAlgError, ArithmeticError, RuntimeError)
+#: How many times the error a bound on flat cells may be, and the meshes that are tried otherwise.
+_ENOUGH, _MESHES = 8.0, 12
 #: Sweeps over the patches at the contact boundary alone that come before, with quadratic elements.
 _NEAR = 2
 
@@ -157,6 +167,8 @@ class ExactDistance:
         The rigid motions that supports leave to a body, in words: the seminorm does not see them.
     loose : str
         Those by which the solutions of a convex problem may differ.
+    above : float
+        How many times the error the bound may be, about, where cells are flat; 0 where they are not.
     """
 
     distance: float
@@ -176,8 +188,18 @@ class ExactDistance:
     unique: bool = False
     unseen: str = ""
     loose: str = ""
+    above: float = 0.0
 
     __repr__ = brief
+
+    def added(self, constants: TraceBounds) -> Array:
+        """What each cell adds, its contact facets included, (M,)."""
+        found, table = self.cells + self.missed, self.stress.data.table
+        if len(self.facets):
+            owner = table.owners[table.numbers(self.facets), 0]
+            known = 0.0 < constants.both < np.inf
+            np.add.at(found, owner, self.facet_gap + (self.facet_contact / constants.both if known else 0.0))
+        return found
 
     @property
     def relative(self) -> float:
@@ -237,7 +259,8 @@ def exact_distance(
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     chosen = Sweeps.usual(problem.mesh.dim, problem.order) if sweeps is None else Sweeps(sweeps)
     if not touch(problem):
-        return _of_body(problem, displacement, constants, chosen, unmet, workspace)
+        found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
+        return found if sweeps is not None else _by_better_cells(problem, displacement, constants, chosen, found)
     if joined_sides(problem) is None:
         return _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
     found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
@@ -245,6 +268,45 @@ def exact_distance(
         return found
     why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
     return _of_touching_bodies(problem, displacement, chosen, why)
+
+
+def _by_better_cells(
+    problem: ContactProblem, displacement: Array, constants: TraceBounds, sweeps: Sweeps, found: ExactDistance
+) -> ExactDistance:
+    """The least bound by way of displacements on better cells, where those of the mesh are flat; else that in hand.
+
+    What it says of cells and facets stays that of the mesh of the displacement.
+    """
+    data = found.stress.data
+    if not found.distance < np.inf or not are_flat(data.table):
+        return found
+    seen = unresolved(data) if data.order == 1 else 0.0
+    best, finer, added = found, found, found.added(constants)
+    for _ in range(_MESHES):
+        if best.distance <= _ENOUGH * seen or (mesh := bettered(finer.stress.data.table, added)) is None:
+            break
+        other = replace(problem, mesh=mesh)
+        try:
+            solution = solve(other)
+            w = solution.displacement
+            finer = _of_body(other, w, constants, sweeps, unmet_hypotheses(other, w), None)
+        except _IN_VAIN:
+            break
+        assert solution.problem.field is not None
+        change = w - interpolate(problem.mesh, displacement, solution.problem.field)
+        added, apart = finer.added(constants), float(np.sqrt(finer.stress.data.moved(change).energy))
+        seen = max(seen, apart)
+        if finer.guaranteed >= best.guaranteed and finer.distance + apart < best.distance:
+            best = _by_way_of(found, finer, apart)
+    return replace(best, above=best.distance / seen if seen > 0.0 else 0.0)
+
+
+def _by_way_of(found: ExactDistance, finer: ExactDistance, apart: float) -> ExactDistance:
+    """A bound by another displacement so far away; what belongs to cells and facets stays."""
+    own = ("energy_norm", "stress", "cells", "missed", "facets", "facet_contact", "facet_gap")
+    parts = replace(finer.parts, correction=finer.parts.correction + apart)
+    kept = {name: getattr(found, name) for name in own}
+    return replace(finer, distance=finer.distance + apart, parts=parts, **kept)
 
 
 def _of_body(
@@ -282,7 +344,7 @@ def _bettered(found: ExactDistance, attempt: Callable[[], ExactDistance | None])
     """The better of what is in hand and of an attempt, whatever becomes of this: a bound before an estimate."""
     try:
         other = attempt()
-    except (MethodError, ProblemError, OutOfTime, MemoryError, np.linalg.LinAlgError, ArithmeticError, RuntimeError):
+    except _IN_VAIN:
         return found
 
     def rank(one: ExactDistance) -> tuple[bool, bool, bool, float]:

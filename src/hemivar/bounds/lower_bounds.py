@@ -99,6 +99,8 @@ _MOST = {2: 20_000, 3: 2_500}
 _FIRST = {2: 800, 3: 48}
 #: How often fewer cells are sought by chance, and the shape of the worst one from which on they are not.
 _SEEDS, _GOOD = 5, {2: 0.0, 3: 0.6}
+#: Part of the cells up to which a mesh has fewer: one of nearly as many is no better.
+_FEWER = 0.9
 #: Digits of shapes that are one.
 _DIGITS = 6
 #: Cells of a body up to which they are sought from its own mesh.
@@ -531,7 +533,7 @@ def _parts_of(bare: ContactProblem, kept: Workspace | None = None) -> Iterator[t
         yield part_of_body(softened(bare), 0, LOSS)[0], False
     for part, all_of_some in [(few, same), *others]:
         yield part, whole and all_of_some
-    if few.mesh.number_of_cells < some.mesh.number_of_cells:
+    if few.mesh.number_of_cells < _FEWER * some.mesh.number_of_cells:
         yield some, whole
 
 
@@ -550,7 +552,7 @@ def _of_few(bare: ContactProblem, some: ContactProblem) -> list[tuple[ContactPro
     for seed in range(_SEEDS):
         part = part_of_body(again if seed else some, 0, LOSS, seed)
         found.setdefault(round(_least_shape(part[0]), _DIGITS), part)
-        if max(found) >= _GOOD[dim]:
+        if max(found) >= _GOOD[dim] or part[0].mesh.number_of_cells == again.mesh.number_of_cells:
             break
     return [found[shape] for shape in sorted(found, reverse=True)[:2]]
 

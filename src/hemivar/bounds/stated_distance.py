@@ -14,6 +14,8 @@ __all__ = ["DistanceToExact"]
 _NONE = "there is no bound: "
 #: Factor 1 / (1 - c) from which the softening is what counts.
 _SOFT = 2.0
+#: How many times the error a bound may be without a word.
+_FAR = 20.0
 #: What to do about the part that is most of a bound.
 _REMEDIES = {
     "misfit": "refine the mesh, as adaptive refinement does where it is needed",
@@ -65,6 +67,8 @@ class DistanceToExact:
         does not see them; the laws are convex, and solutions differ by no more than such motions.
     loose : str
         Those of them by which solutions may differ, in words.
+    above : float
+        How many times the error the bound may be, about, where cells are flat; 0 where they are not.
     """
 
     bound: float
@@ -84,6 +88,7 @@ class DistanceToExact:
     unique: bool = False
     unseen: str = ""
     loose: str = ""
+    above: float = 0.0
 
     @classmethod
     def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:
@@ -133,6 +138,10 @@ class DistanceToExact:
             made.append(f"{blank}the continuous problem has exactly one solution, for c < 1")
         if self.advice:
             made.append(f"{blank}{self.advice}")
+        if self.above > _FAR:
+            made.append(
+                f"{blank}cells are flat: it may be {self.above:.2g} times the error; take cells of better shape"
+            )
         if self.geometry:
             made.append(f"{blank}the body is {self.geometry}")
         if self.guaranteed:
@@ -190,7 +199,13 @@ class DistanceToExact:
     def record(self) -> Record:
         """Plain numbers and strings for JSON; numbers that are not finite become null."""
         values = {"bound": self.bound, "relative": self.relative, "guaranteed": self.guaranteed}
-        values |= {**self.parts, "gap": self.gap, "constant": self.constant, "seconds": self.seconds}
+        values |= {
+            **self.parts,
+            "gap": self.gap,
+            "constant": self.constant,
+            "seconds": self.seconds,
+            "above": self.above,
+        }
         finite = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
         return {
             **finite,

@@ -171,6 +171,7 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
     origin = problem.origin
     if origin is None or origin.kind:
         raise ProblemError("lower bounds of trace constants need a continuous problem; discretize a ContactProblem")
+    body = body_bound(origin, kept)  # the quicker one first: it may be refused
     found: LowerBounds | None
     try:
         found = lower_bounds(origin, workspace=kept)
@@ -178,7 +179,6 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
         if origin.trace_constant is None:
             raise
         found = None
-    body = body_bound(origin, kept)
     source = "lower bounds of those of the continuous problem"
     own = TraceBounds(0.0, 0.0, 0.0, body, True, source)
     if found is not None:

@@ -20,17 +20,19 @@ from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.checks import index_array
-from hemivar.mesh.keys import EDGES, frozen
+from hemivar.mesh.keys import EDGES, frozen, pair_keys
 from hemivar.mesh.kinds import red_tetrahedra
 from hemivar.mesh.refine import Refinement
 
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["refined_where"]
+__all__ = ["bisected", "refined_where"]
 
 #: Edges of the faces (of the cell itself in the plane) by dimension, as numbers of :data:`EDGES`.
 _FACES = {2: ((0, 1, 2),), 3: ((1, 4, 5), (2, 3, 5), (0, 3, 4), (0, 1, 2))}
+#: Digits to which two lengths are one.
+_DIGITS = 9
 _RED_TRIANGLE = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
 _FACET_PARTS = {2: ((0, 2), (2, 1)), 3: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))}
 
@@ -51,6 +53,52 @@ def refined_where(mesh: Mesh, cells: object) -> Mesh:
     family = _Family(mesh)
     family.refine(chosen)
     return family.grown()
+
+
+def bisected(mesh: Mesh, cells: BoolArray) -> tuple[Mesh, IntArray]:
+    """The mesh with the longest edges of some cells (M,) halved; no generation of :func:`refined_where`.
+
+    Cells that are flat, or needles, come nearer to good shapes so.  A neighbour that shares such an edge is halved at
+    its own longest one first (Rivara, Int. J. Numer. Meth. Engng. 20, 1984).  With it comes the cell that each of the
+    new ones is a part of.
+    """
+    parent = np.arange(mesh.number_of_cells)
+    wanted = mesh.edges[_longest_of(mesh, np.asarray(cells))]
+    while len(wanted):
+        marked = np.isin(pair_keys(mesh.edges, mesh.number_of_nodes), pair_keys(wanted, mesh.number_of_nodes))
+        rank = np.where(marked, _by_length(mesh), -1)[mesh.cell_edges]
+        waiting = (rank >= 0) & (rank < rank.max(axis=1, keepdims=True))
+        ready = marked.copy()
+        ready[mesh.cell_edges[waiting]] = False  # a cell is cut at one edge at a time, the longest
+        wanted = mesh.edges[marked & ~ready]
+        mesh = _cut(mesh, ready)
+        assert mesh.parent is not None
+        parent = parent[mesh.parent.cells]
+    bare = mesh.trusted(
+        mesh.points, mesh.cells, mesh.boundaries, mesh.regions, interfaces=mesh.interfaces, reading=mesh.reading
+    )
+    return bare, parent
+
+
+def _by_length(mesh: Mesh) -> IntArray:
+    """Places (E,) of the edges in the order of their lengths; of those as long as each other in that of their nodes."""
+    ends = mesh.points[mesh.edges]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    order = np.argsort(np.round(lengths / lengths.max(), _DIGITS), kind="stable")
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    return rank
+
+
+def _longest_of(mesh: Mesh, cells: BoolArray) -> BoolArray:
+    """Edges (E,) that are the longest of these cells, and of cells that share one of them."""
+    rank = _by_length(mesh)[mesh.cell_edges]
+    longest = mesh.cell_edges[np.arange(len(rank)), np.argmax(rank, axis=1)]
+    marked, chosen = np.zeros(len(mesh.edges), dtype=bool), np.asarray(cells)
+    while chosen.any():
+        marked[longest[chosen]] = True
+        chosen = marked[mesh.cell_edges].any(axis=1) & ~marked[longest]
+    return marked
 
 
 def _chosen(mesh: Mesh, cells: object) -> IntArray:

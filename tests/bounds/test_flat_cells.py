@@ -1,0 +1,106 @@
+"""Bounds on flat cells: not far above the error, or they say so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.bounds.exact_certificate import statement_of
+from hemivar.bounds.exact_distance import ExactDistance, exact_distance
+from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
+from hemivar.fem.assembly import stiffness_matrix
+from hemivar.mesh import Mesh, box, rectangle
+
+
+def layer(height: float, order: int = 1, unit: float = 1.0) -> hv.ContactProblem:
+    """A layer of length one, bonded on top and pulled at its end, on 8 x 2 crossed cells."""
+    mesh = rectangle((unit, height * unit), (8, 2), pattern="cross")
+    law = hv.Contact(hv.Signorini(), hv.Tresca(0.05))
+    return hv.ContactProblem(
+        mesh, hv.Material.young(10.0, 0.3), {"bottom": law}, {"top": hv.Clamped()},
+        body_force=(0.1 / unit, -0.4 / unit), tractions={"right": (0.05, -0.2)}, order=order,
+    )  # fmt: skip
+
+
+def bounded(problem: hv.ContactProblem, change: float = 0.0) -> tuple[Array, ExactDistance]:
+    """The displacement, moved away by some of a wave, and its bound."""
+    solution = hv.solve(problem)
+    field = solution.problem.field
+    assert field is not None
+    down = (problem.mesh.points[:, 1].max() - field.nodes[:, 1])[:, None]
+    u = solution.displacement + change * down * np.sin(9.0 * field.nodes[:, :1]) * np.array([1.0, 0.5])
+    return u, exact_distance(problem, u, guaranteed_trace_bounds(solution.problem))
+
+
+def error_of(problem: hv.ContactProblem, u: Array) -> float:
+    """Against quadratic elements on a mesh with cells as long as high at both ends, in which that of u is nested."""
+    mesh = problem.mesh
+    at, height = np.linspace(0.0, 1.0, 9), problem.mesh.points[:, 1].max()
+    near = 0.125 * 0.5 ** np.arange(1, 1 + int(np.ceil(np.log2(0.125 / height)) + 1))
+    xs = np.unique(np.concatenate([at, near, 1.0 - near]))
+    grid = rectangle((1.0, height), (len(xs) - 1, 8), pattern="cross")
+    points = grid.points.copy()
+    points[:, 0] = np.interp(points[:, 0], np.linspace(0.0, 1.0, len(xs)), xs)
+    fine = replace(problem, mesh=Mesh(points, grid.cells, dict(grid.boundaries)), order=2)
+    found = hv.solve(fine)
+    field = found.problem.field
+    assert field is not None
+    off = (found.displacement - hv.fem.interpolate(mesh, u, field.nodes)).ravel()
+    return float(np.sqrt(off @ (stiffness_matrix(fine.mesh, fine.material, 2) @ off)))
+
+
+@pytest.mark.parametrize(
+    ("height", "order"), [(1 / 100, 2), (1 / 300, 1), pytest.param(1 / 300, 2, marks=pytest.mark.slow)]
+)
+def test_a_thin_layer_has_a_bound_of_the_size_of_the_error(height: float, order: int) -> None:
+    problem = layer(height, order)
+    u, found = bounded(problem)
+    error = error_of(problem, u)
+    assert found.guaranteed
+    assert error <= found.distance <= 20.0 * error
+    assert "cells are flat" not in "".join(statement_of(found).lines())
+
+
+def test_how_far_the_other_displacement_is_counts() -> None:
+    problem = layer(1 / 100)
+    u, found = bounded(problem, 0.3)
+    error = error_of(problem, u)
+    assert error <= found.distance <= 5.0 * error
+    assert found.parts.correction > 0.5 * error
+
+
+def test_what_belongs_to_cells_is_that_of_the_mesh() -> None:
+    problem = layer(1 / 100)
+    _, found = bounded(problem)
+    assert len(found.cells) == problem.mesh.number_of_cells
+    assert found.stress.data.table.mesh is problem.mesh
+    assert len(found.facets) == 8
+
+
+def test_units_do_not_matter() -> None:
+    (_, one), (_, other) = bounded(layer(1 / 100)), bounded(layer(1 / 100, unit=1024.0))
+    assert other.relative == pytest.approx(one.relative, rel=1e-6)
+
+
+def test_a_bound_far_above_the_error_says_so() -> None:
+    load = (0.1, 0.1, -0.4)
+    problem = hv.ContactProblem(
+        box((1.0, 1.0, 0.01), (4, 4, 2)), hv.Material.young(10.0, 0.3), {"bottom": hv.Contact(hv.Signorini())},
+        {"left": hv.Clamped()}, body_force=load, tractions={"right": load},
+    )  # fmt: skip
+    solution = hv.solve(problem)
+    found = exact_distance(problem, solution.displacement, guaranteed_trace_bounds(solution.problem))
+    assert found.above > 20.0
+    assert "cells are flat: it may be" in "\n".join(statement_of(found).lines())
+    assert statement_of(found).record()["above"] == found.above
+
+
+def test_cells_as_long_as_high_say_nothing() -> None:
+    problem = hv.gallery.survey("5.1", 4)
+    solution = hv.solve(problem)
+    found = exact_distance(problem, solution.displacement, guaranteed_trace_bounds(solution.problem))
+    assert found.above == 0.0
