@@ -15,18 +15,17 @@ from hemivar.errors import ProblemError
 from hemivar.laws.coupled.cohesion import BilinearCohesion
 from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
 from hemivar.laws.coupled.mixed_mode import MixedMode, stated_compression
+from hemivar.laws.coupled.opening import rising_roots
 from hemivar.laws.glue import Glue
 from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive, read_formulas
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, OnGraph, lengths
+from hemivar.laws.vector_law import Linearisation, OnGraph, lengths, polar, spread
 
 __all__ = ["KeptModeGlue", "ModeDependentGlue"]
 
 #: Modes at which constants are looked for.
 _MODES = np.linspace(0.0, 1.0, 2001)
-#: Rounds in which the mode of a pair is sought, and the difference of modes that is none.
-_ROUNDS, _SAME = 80, 1e-15
 #: Part of an effective opening that is rounding.
 _ROUNDING = 1e-9
 
@@ -352,39 +351,80 @@ class ModeDependentGlue(Glue):
                 f"law '{self.name}' is a curve for stiffnesses above {float(enough.max()):.6g}, its weak convexity "
                 f"plus the Lipschitz constant of its mode, and {float(a.min()):.6g} is not; give a larger a"
             )
-        low, high = np.zeros(len(p)), np.ones(len(p))
-        mode = self.mode(p)
-        for _ in range(_ROUNDS):
-            at_mode, turned, steer = self._at_frozen(p, a, mode)
-            miss = self.mode(at_mode.r) - mode
-            low, high = np.where(miss >= 0.0, mode, low), np.where(miss <= 0.0, mode, high)
-            if (np.abs(miss) <= _SAME).all() or (high - low <= _SAME).all():
-                break
-            newton = mode + miss / (1.0 - np.einsum("mi,mi->m", steer, turned))
-            mode = np.where((newton > low) & (newton < high), newton, 0.5 * (low + high))
-        D = at_mode.jacobian
-        feedback = np.einsum("mi,mij->mj", steer, D) / (1.0 - np.einsum("mi,mi->m", steer, turned))[:, None]
-        return replace(at_mode, jacobian=D + turned[:, :, None] * feedback[:, None, :])
+        ratio, opens, (pull, heading) = self.ratio, p[:, 0] < 0.0, polar(p[:, 1:])
+        flat = np.stack(np.broadcast_arrays(a[:, 0], a[:, 1] / ratio**2), axis=1)
+        force = np.column_stack([np.where(opens, -p[:, 0], 0.0), pull / ratio])
+        m, by = self._secants(flat, force)
+        loose = 1.0 / (flat + m[:, None])
+        place, turned = force * loose, -(force * loose**2)[:, :, None] * by[:, None, :]
+        pressed = np.maximum(self.compression.local_argmin(a[:, 0], np.maximum(p[:, 0], 0.0)), 0.0)
+        bend = self.compression.curvature(np.maximum(pressed, np.finfo(float).tiny))
+        give = np.where(self.compression.at_kink(pressed), 0.0, 1.0 / (a[:, 0] + bend))
+        r = np.column_stack([np.where(opens, -place[:, 0], pressed), (place[:, 1] / ratio)[:, None] * heading])
+        jacobian = np.zeros((*p.shape, p.shape[1]))
+        jacobian[:, 0, 0] = np.where(opens, loose[:, 0] + turned[:, 0, 0], give)
+        for (row, column), one in (((0, slice(1, None)), turned[:, 0, 1]), ((slice(1, None), 0), turned[:, 1, 0])):
+            jacobian[:, row, column] = np.where(opens, -one / ratio, 0.0)[:, None] * heading
+        outer = heading[:, :, None] * heading[:, None, :]
+        jacobian[:, 1:, 1:] = (loose[:, 1] / ratio**2)[:, None, None] * np.eye(p.shape[1] - 1)
+        jacobian[:, 1:, 1:] += (turned[:, 1, 1] / ratio**2)[:, None, None] * outer
+        return OnGraph(r, p - spread(a, p.shape[1]) * r, jacobian)
 
-    def _at_frozen(self, p: Array, a: Array, mode: Array) -> tuple[OnGraph, Array, Array]:
-        """The pair with a mode, how ``r (m, c)`` moves with the mode, and how the mode moves with ``r``, (m, c)."""
-        found = self._frozen(mode).on_graph(p, a)
-        r, ratio = found.r, self.ratio
-        shear, opening = (ratio[:, None] * r[:, 1:]), np.maximum(-r[:, 0], 0.0)
-        rho = np.hypot(opening, lengths(shear))
-        some = np.where(rho > 0.0, rho, 1.0)
-        heading = np.column_stack([-opening, ratio[:, None] * shear]) / some[:, None]  # d rho / d r
+    def _secants(self, flat: Array, force: Array) -> tuple[Array, Array]:
+        """The secant ``m = T/rho`` (m,) of pairs in their own modes, and how it moves with the force, (m, 2).
+
+        In opening and effective slip: ``force (m, 2)`` over stiffnesses ``flat + m`` is where they are, so that one
+        equation in m tells rho and the mode.
+        """
+        intact, reached = self._until
+        rho, mode = self._where(force / (flat + intact[:, None]))
+        elastic = rho <= np.maximum(self._curve(mode)[0], reached)
+        rho, mode = self._where(force / flat)
+        broken = rho >= self._curve(mode)[2]
+        high = np.where(broken & ~elastic, 0.0, intact)
+        low = np.where(elastic, high, 0.0)
+        m = rising_roots(lambda m: self._missed(flat, force, m)[:3], low, high)
+        _, rate, _, by_force = self._missed(flat, force, m)
+        softening = ~elastic & ~broken
+        return m, -np.where(softening[:, None], by_force, 0.0) / np.where(softening, rate, 1.0)[:, None]
+
+    def _missed(self, flat: Array, force: Array, m: Array) -> tuple[Array, Array, Array, Array]:
+        """``m rho - T`` (m,) where glue softens, its derivative by m, the size of both parts, and that by the force."""
+        loose = 1.0 / (flat + m[:, None])
+        place = force * loose
+        rho, mode = self._where(place)
+        some, stiffness = np.where(rho > 0.0, rho, 1.0), self._own["stiffness"]
         first, first_rate, last, last_rate = self._curve(mode)
-        left, wide = (last - rho) / (last - first), last - first
-        rate = self._own["stiffness"] * (
-            first_rate * left + first * (last_rate - left * (last_rate - first_rate)) / wide
-        )
-        rate = np.where((rho > first) & (rho < last), rate, 0.0)
-        turned = -np.einsum("mij,mj->mi", found.jacobian, rate[:, None] * heading)
-        share = (lengths(shear) / some) ** 2
-        steer = -2.0 * share[:, None] * heading
-        steer[:, 1:] += 2.0 * ratio[:, None] * shear / some[:, None]
-        return found, turned, np.where((rho > self.least_damage)[:, None], steer / some[:, None], 0.0)
+        wide, steers = last - first, self._steering
+        left, fall = (last - rho) / wide, stiffness * first / wide
+        by_mode = stiffness * (first_rate * left + first * (last_rate - left * (last_rate - first_rate)) / wide)
+        share = place / some[:, None]  # of rho by the place
+
+        def rate(way: Array) -> Array:
+            """The derivative along a way (m, 2) of the place, m rho counted with m held."""
+            along = np.einsum("mi,mi->m", share, way)
+            turn = 2.0 * (share[:, 1] * way[:, 1] - mode * along) / some
+            return np.asarray((m + fall) * along - np.where(steers, by_mode, 0.0) * turn)
+
+        none = np.zeros(len(m))
+        by_force = [rate(np.column_stack(way)) for way in ((loose[:, 0], none), (none, loose[:, 1]))]
+        pull = stiffness * first * left
+        return m * rho - pull, rho + rate(-place * loose), m * rho + np.abs(pull), np.stack(by_force, axis=1)
+
+    def _where(self, place: Array) -> tuple[Array, Array]:
+        """rho and the mode of an opening and an effective slip (m, 2)."""
+        rho = np.hypot(place[:, 0], place[:, 1])
+        return rho, np.minimum((place[:, 1] / np.maximum(rho, self.least_damage)) ** 2, 1.0)
+
+    @property
+    def _steering(self) -> BoolArray:
+        """Where the mode is that of the state, (m or 1,)."""
+        return np.ones(1, dtype=bool)
+
+    @property
+    def _until(self) -> tuple[Array, Array]:
+        """The secant stiffness, and the effective opening up to which it holds where that is past the first damage."""
+        return self._own["stiffness"], np.zeros(1)
 
     # ---- what is asked of a state, in its own mode -------------------------------------------------------
 
@@ -475,10 +515,18 @@ class KeptModeGlue(ModeDependentGlue):
         found = super()._frozen(mode)
         return found if len(mode) < len(self.kept) else found.unloading(self._damage)
 
-    def _at_frozen(self, p: Array, a: Array, mode: Array) -> tuple[OnGraph, Array, Array]:
-        found, turned, steer = super()._at_frozen(p, a, mode)
-        keeps = self._keeps[:, None]
-        return found, np.where(keeps, 0.0, turned), np.where(keeps, 0.0, steer)
+    def _where(self, place: Array) -> tuple[Array, Array]:
+        rho, mode = super()._where(place)
+        return rho, np.where(self._keeps, self.kept, mode)
+
+    @property
+    def _steering(self) -> BoolArray:
+        return ~self._keeps
+
+    @property
+    def _until(self) -> tuple[Array, Array]:
+        known, kept = self._damage["opening"], self._frozen(np.maximum(self.kept, 0.0))
+        return np.asarray(kept.secant_stiffness(known)), known
 
     def stored_energy(self, r: Array) -> Array:
         return self.frozen_at(r).value(r)

@@ -20,7 +20,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 
-__all__ = ["OpeningProblem"]
+__all__ = ["OpeningProblem", "rising_roots"]
 
 #: Steps of Newton's method, at most: its iterates rise to the root; and of the bracketed one.
 _SECULAR, _BRACKETED = 100, 120
@@ -143,27 +143,31 @@ class OpeningProblem:
         """The zeros of u between ``low`` and ``high``, where it rises, of some problems; (k,) all."""
         (a, b), (c, t) = self.stiffness[rows].T, self.force[rows].T
 
-        def value(m: Array) -> tuple[Array, Array]:
+        def value(m: Array) -> tuple[Array, Array, Array]:
             with np.errstate(divide="ignore", invalid="ignore"):
                 slip = np.where(t > 0.0, t / (b + m), 0.0)
                 now = np.hypot(c / (a + m), slip)
                 rate = c**2 * (a + q) / (a + m) ** 3 + np.where(t > 0.0, slip**2 * (b + q) / (b + m), 0.0)
-                return (m - q) * now - p, rate / now
+                pulled = (m - q) * now
+                return pulled - p, rate / now, np.abs(pulled) + np.abs(p)
 
-        return _bracketed(value, low, high)
+        return rising_roots(value, low, high)
 
 
-def _bracketed(value: Callable[[Array], tuple[Array, Array]], low: Array, high: Array) -> Array:
-    """Zeros of rising functions between ``low`` and ``high`` by Newton's method, halved where it leaves the bracket."""
-    low, high = low.copy(), high.copy()
+def rising_roots(value: Callable[[Array], tuple[Array, Array, Array]], low: Array, high: Array) -> Array:
+    """Zeros of functions that rise through them, by Newton's method, halved where it leaves ``low`` to ``high``.
+
+    ``value`` gives each function, its derivative and the size of the parts that it is the difference of.
+    """
+    eps = np.finfo(float).eps
     m = 0.5 * (low + high)
     for _ in range(_BRACKETED):
-        u, rate = value(m)
+        u, rate, size = value(m)
         low, high = np.where(u <= 0.0, m, low), np.where(u <= 0.0, high, m)
         with np.errstate(divide="ignore", invalid="ignore"):
             new = m - u / rate
         new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-        done = (np.abs(new - m) <= 2.0 * np.finfo(float).eps * np.abs(m)) | (u == 0.0)
+        done = (np.abs(new - m) <= 2.0 * eps * np.abs(m)) | (np.abs(u) <= 4.0 * eps * size)
         m = np.where(u == 0.0, m, new)
         if done.all():
             break
