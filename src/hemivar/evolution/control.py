@@ -59,9 +59,11 @@ _HELD = 1e-12
 #: Part of the pace below which a step dissipates nothing.
 _NOTHING = 1e-9
 #: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
-_AHEAD, _MORE = 4.0, 1.0 + 1e-9
-#: How far from where it was expected a step may lead, in parts of the way there.
-_STRAYS = 2.0
+_AHEAD, _MORE = 4.0, 1.0 + 1e-6
+#: How far pairs are taken outward for a guess.
+_OUTWARD = (1e-6, 1e-3)
+#: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
+_LEAST, _MOST = 0.5, 2.5
 #: Part of the largest change of the load factor at which a joint counts as broken.
 BROKEN = 1e-2
 
@@ -152,8 +154,8 @@ class _FrozenStep:
     #: Of balance and held components, by the factor.
     rate: Array  # (m c,)
     held_rate: Array  # (m, c)
-    #: Contact points whose secants count.
-    secant: BoolArray  # (m,)
+    #: Components whose secants count.
+    secant: BoolArray  # (m, c)
 
     @property
     def system(self) -> CondensedProblem:
@@ -179,7 +181,7 @@ class _FrozenStep:
 
     def dissipation(self, goal: float) -> _Border:
         """What is dissipated."""
-        half = 0.5 * self.spread_weights * self.secant[:, None]
+        half = 0.5 * self.spread_weights * self.secant
         by_r, by_lam = half * self.start.lam, -half * self.start.r
 
         def border(pair: _Pair) -> tuple[float, Array, Array, float]:
@@ -207,10 +209,9 @@ class _FrozenStep:
         start = self.start
         return _Pair(start.r + part * slid, start.lam + part * pressed, start.factor + part * factor)
 
-    def strays(self, found: _Pair, guess: _Pair) -> bool:
-        """Whether a pair lies elsewhere than a guess of it says: beside it by more than it is away."""
-        missed, gone = found.r - guess.r, guess.r - self.start.r
-        return bool(np.abs(missed).max(initial=0.0) > _STRAYS * np.abs(gone).max(initial=0.0))
+    def outward(self, part: float) -> _Pair:
+        """The start, all pairs a little farther from the origin: where glue that was damaged before softens on."""
+        return self.ahead((self.start.r, self.start.lam, 0.0), part)
 
     def solved(self, guess: _Pair, border: _Border) -> _Pair | None:
         """The equilibrium near a guess at which a border is zero; None where Newton's method does not find it."""
@@ -375,13 +376,16 @@ class ControlledStepper(TimeStepper):
         taken = self._balanced(self._ended(before, [solved], step, time, self.data.at(factor)), [solved])
         if frozen is None or pair is None or taken.status is not Status.CONVERGED:
             return taken
-        spent = frozen.spent(pair)
-        stored = 2.0 * max(taken.moment.ledger.stored - taken.moment.ledger.start, 0.0)
-        gone = abs(pair.factor - self.span[0])
+        spent, ledger, gone = frozen.spent(pair), taken.moment.ledger, abs(pair.factor - self.span[0])
+        if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory):
+            return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
+        largest = max(known.largest, gone)
+        # At the first step the body is elastic: what it stores is a square of the factor.
+        pace = known.pace / known.largest if known.pace else 2.0 * max(ledger.stored - ledger.start, 0.0) / gone**2
         control = LoadControl(
             pair.factor,
-            max(known.pace, stored / gone if gone > 0.0 else 0.0),
-            max(known.largest, gone),
+            pace * largest,
+            largest,
             pair.factor - known.factor,
             spent,
             pair.r - frozen.start.r,
@@ -401,12 +405,19 @@ class ControlledStepper(TimeStepper):
                 f"control = ... follows laws that are curves beside the body, and '{problem.law.name}' falls at once; "
                 "give its drop a slope"
             )
-        secant = np.zeros(len(system.weights), dtype=bool)
+        secant = np.zeros(system.shape, dtype=bool)
         for name, index in self.discrete.blocks:
             secant[index] = name in before.memory
+        secant[:, 1:] &= self.discrete.follows_slip[:, None]
         start = _Pair(before.local.displacement - first.origin, before.multiplier, known.factor)
         rate, held = (other.load - system.load) / step, (other.fixed - system.fixed) / step
         return _FrozenStep(equation, start, rate, held, secant)
+
+    def _straight(self, goal: float, spent: float, lost: float) -> bool:
+        """Whether what memories dissipated in a step agrees with what is dissipated on a straight way there."""
+        if self.control.opening is not None or not goal:
+            return True
+        return _LEAST * spent - goal <= lost <= _MOST * max(spent, goal) and spent <= _MOST * lost + _NOTHING * goal
 
     def _pair(self, frozen: _FrozenStep, known: LoadControl, before: TimeState, step: float) -> _Pair | None:
         """The next equilibrium."""
@@ -421,27 +432,27 @@ class ControlledStepper(TimeStepper):
             return frozen.solved(frozen.start, border) if found is None else found
         goal = known.pace * step
         if known.spent > _NOTHING * goal:
-            found = self._dissipating(frozen, way, known.spent, goal)
-            if found is not None:
+            found = self._dissipating(frozen, goal, way, known.spent)
+            if found is not None and found.factor <= known.factor + step:
                 return found
-        loaded = frozen.solved(on, frozen.load(known.factor + step))
+        load = frozen.load(known.factor + step)
+        loaded = frozen.solved(on, load) or frozen.solved(frozen.start, load)
         if loaded is None:
-            loaded = frozen.solved(frozen.start, frozen.load(known.factor + step))
-        spent = np.inf if loaded is None else frozen.spent(loaded)
-        if loaded is not None and (spent <= _MORE * goal or not known.pace):
+            return self._dissipating(frozen, goal) if known.pace else None
+        spent = frozen.spent(loaded)
+        if spent <= _MORE * goal or not known.pace:
             return loaded
-        if loaded is not None:
-            way = loaded.r - frozen.start.r, loaded.lam - frozen.start.lam, loaded.factor - frozen.start.factor
-            return self._dissipating(frozen, way, spent, goal)
-        return None
+        way = loaded.r - frozen.start.r, loaded.lam - frozen.start.lam, loaded.factor - frozen.start.factor
+        return self._dissipating(frozen, goal, way, spent)
 
     def _dissipating(
-        self, frozen: _FrozenStep, way: tuple[Array, Array, float], spent: float, goal: float
+        self, frozen: _FrozenStep, goal: float, way: tuple[Array, Array, float] | None = None, spent: float = 1.0
     ) -> _Pair | None:
-        """The equilibrium at which that is dissipated, sought along a way on which so much was."""
-        guess = frozen.ahead(way, min(goal / spent, _AHEAD))
-        found = frozen.solved(guess, frozen.dissipation(goal))
-        return None if found is None or frozen.strays(found, guess) else found
+        """The equilibrium at which that is dissipated; sought along a way on which so much was, and beside the start."""
+        guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
+        border = frozen.dissipation(goal)
+        found = (frozen.solved(guess, border) for guess in (*guesses, *map(frozen.outward, _OUTWARD)))
+        return next((pair for pair in found if pair is not None), None)
 
     def _solved_stage(self, stage: Stage, before: TimeState, pair: _Pair | None) -> SolvedStage:
         """A pair as the solution of its stage; where there is none the state before, which solves nothing."""
