@@ -49,7 +49,7 @@ __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_
 #: The control by what is dissipated.
 DISSIPATION = "dissipation"
 #: Newton's equations of a step at most.
-_ROUNDS = 25
+_ROUNDS = 15
 #: Change of a place, as a part of its size, at which it stands; what it may still be where the balance is exact.
 _STANDS, _STILL = 1e-12, 1e-7
 #: Rounding of a balance, as a part of the forces in it.
@@ -60,6 +60,8 @@ _HELD = 1e-12
 _NOTHING = 1e-9
 #: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
 _AHEAD, _MORE = 4.0, 1.0 + 1e-6
+#: Part of its pace that a step which goes by the load dissipates at most.
+_BY_LOAD = 0.99
 #: How far pairs are taken outward for a guess.
 _OUTWARD = (1e-6, 1e-3)
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
@@ -340,7 +342,7 @@ class ControlledStepper(TimeStepper):
         if state.control is not None:
             return state.control
         none = np.zeros_like(state.multiplier)
-        return LoadControl(self.span[0], 0.0, 0.0, 0.0, 0.0, none, none)
+        return LoadControl(self.span[0], 0.0, 0.0, 0.0, 0.0, 0.0, none, none)
 
     def extra_columns(self, state: TimeState) -> dict[str, float]:
         return {"load_factor": self.of(state).factor}
@@ -386,6 +388,7 @@ class ControlledStepper(TimeStepper):
             pair.factor,
             pace * largest,
             largest,
+            step,
             pair.factor - known.factor,
             spent,
             pair.r - frozen.start.r,
@@ -422,8 +425,7 @@ class ControlledStepper(TimeStepper):
     def _pair(self, frozen: _FrozenStep, known: LoadControl, before: TimeState, step: float) -> _Pair | None:
         """The next equilibrium."""
         way = known.slid, known.pressed, known.moved
-        last = 0.0 if before.history is None else before.history.step
-        on = frozen.ahead(way, min(step / last, _AHEAD) if last else 0.0)
+        on = frozen.ahead(way, min(step / known.step, _AHEAD) if known.step else 0.0)
         if self.control.opening is not None:
             points = self.discrete.problem.contact.on(self.control.opening)
             now = -float(frozen.start.r[points, 0].min())
@@ -431,7 +433,7 @@ class ControlledStepper(TimeStepper):
             found = frozen.solved(on, border)
             return frozen.solved(frozen.start, border) if found is None else found
         goal = known.pace * step
-        if known.spent > _NOTHING * goal:
+        if known.spent > _BY_LOAD * known.pace * known.step > 0.0:  # the last one went by what is dissipated
             found = self._dissipating(frozen, goal, way, known.spent)
             if found is not None and found.factor <= known.factor + step:
                 return found

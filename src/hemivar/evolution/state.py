@@ -141,7 +141,8 @@ class LoadControl(PickleMixin):
     pace: float
     #: Largest distance of the load factor from the start so far.
     largest: float
-    #: In the last step: change of the load factor, what was dissipated, and changes of slip and multiplier.
+    #: In the last step: its length, change of the load factor, what was dissipated, and changes of slip and multiplier.
+    step: float
     moved: float
     spent: float
     slid: Array  # (m, c)
