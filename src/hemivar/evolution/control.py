@@ -37,11 +37,11 @@ from hemivar.evolution.stage import Stage, posed_stage, stage_state
 from hemivar.evolution.state import LoadControl, TimeState
 from hemivar.evolution.step_end import SolvedStage, with_products
 from hemivar.evolution.step_laws import stage_law
-from hemivar.evolution.steps import FixedStep, StepSizeController
 from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.evolution.steps import FixedStep, StepSizeController
 from hemivar.solvers import Solution, Status
-from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation
 from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_control"]
@@ -76,6 +76,11 @@ class Control:
 
     opening: str | None = None
 
+    @property
+    def stated(self) -> str | dict[str, str]:
+        """It as it is given."""
+        return DISSIPATION if self.opening is None else {"opening": self.opening}
+
 
 def control_of(given: object) -> Control | None:
     """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``.
@@ -95,7 +100,7 @@ def control_of(given: object) -> Control | None:
     raise ProblemError(f"control is {shown}; give '{DISSIPATION}', or {{'opening': name}} of a contact boundary")
 
 
-def refuse_control(stated: Evolution, scheme: Scheme, step: StepSizeController) -> None:
+def refuse_control(stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController) -> None:
     """Refuse what does not go with a load factor that is unknown.
 
     Raises
@@ -107,8 +112,8 @@ def refuse_control(stated: Evolution, scheme: Scheme, step: StepSizeController) 
     why = ""
     if stated.inertia:
         why = "has mass"
-    elif material.viscous or material.branches:
-        why = "has viscosity or branches"
+    elif material.viscous:
+        why = "has viscosity"
     elif stated.heat is not None or material.capacity is not None:
         why = "has heat"
     elif not stated.linear:
@@ -125,6 +130,11 @@ def refuse_control(stated: Evolution, scheme: Scheme, step: StepSizeController) 
                 f"control = ... has no time that rates could refer to, and contact '{name}' has a damping, or a memory "
                 "other than that of glue; leave either out"
             )
+    if control.opening is None and not any(contact.remembers for contact in stated.problem.contact.values()):
+        raise ProblemError(
+            f"control = '{DISSIPATION}' needs glue that remembers its damage, and nothing dissipates here; leave "
+            "memory = () out, or give {'opening': name}"
+        )
     if "law" in stated.problem.time_dependent:
         raise ProblemError("control = ... takes t for the load factor, and a law depends on t; leave t out of laws")
     if not isinstance(scheme, ImplicitEuler):
@@ -217,7 +227,7 @@ class _FrozenStep:
 
     def solved(self, guess: _Pair, border: _Border) -> _Pair | None:
         """The equilibrium near a guess at which a border is zero; None where Newton's method does not find it."""
-        system, a = self.system, self.equation.stiffness
+        a = self.equation.stiffness
         p, factor, last = a * guess.r + guess.lam, guess.factor, np.inf
         for number in range(1, _ROUNDS + 1):
             check_time()
@@ -308,6 +318,11 @@ class ControlledStepper(TimeStepper):
             discrete, stepper.scheme, stepper.stages, stepper.operators, stepper.data, control=control,
             span=(discrete.evolution.start, until),
         )  # fmt: skip
+        if discrete.branches:
+            raise ProblemError(
+                "control = ... looks for the load factor of an elastic body in equilibrium, and the branches of this "
+                "one relax; leave either out"
+            )
         if not discrete.vectors.alone:
             raise ProblemError("control = ... is for one process; leave the engine out")
         if control.opening is not None:
@@ -337,7 +352,7 @@ class ControlledStepper(TimeStepper):
 
     # ---- what is told --------------------------------------------------------------------------------------
 
-    def of(self, state: TimeState) -> LoadControl:
+    def known(self, state: TimeState) -> LoadControl:
         """What a state knows of the load factor."""
         if state.control is not None:
             return state.control
@@ -345,11 +360,11 @@ class ControlledStepper(TimeStepper):
         return LoadControl(self.span[0], 0.0, 0.0, 0.0, 0.0, 0.0, none, none)
 
     def extra_columns(self, state: TimeState) -> dict[str, float]:
-        return {"load_factor": self.of(state).factor}
+        return {"load_factor": self.known(state).factor}
 
     def broken(self, state: TimeState) -> bool:
         """Whether the load factor has fallen to next to nothing of its largest one."""
-        known = self.of(state)
+        known = self.known(state)
         return known.spent > 0.0 and abs(known.factor - self.span[0]) <= BROKEN * known.largest
 
     # ---- a step ----------------------------------------------------------------------------------------------
@@ -359,7 +374,7 @@ class ControlledStepper(TimeStepper):
     ) -> StepResult:
         """One step; see :meth:`TimeStepper.take`."""
         before = with_products(self.discrete, before)
-        known = self.of(before)
+        known = self.known(before)
         (operator,) = self.operators.of(step, None)
         start = self.data.at(known.factor)
         guess = self.discrete.counted(before.local.displacement, before.local.displacement)
@@ -373,7 +388,8 @@ class ControlledStepper(TimeStepper):
         pair = None if frozen is None else self._pair(frozen, known, before, step)
         factor = known.factor if pair is None else pair.factor
         stage = posed(factor)
-        solved = self._solved_stage(stage, before, pair)
+        most = 0.0 if frozen is None else known.largest * norm(frozen.rate)
+        solved = self._solved_stage(stage, before, pair, most)
         time = before.time + step if end_time is None else end_time
         taken = self._balanced(self._ended(before, [solved], step, time, self.data.at(factor)), [solved])
         if frozen is None or pair is None or taken.status is not Status.CONVERGED:
@@ -450,18 +466,22 @@ class ControlledStepper(TimeStepper):
     def _dissipating(
         self, frozen: _FrozenStep, goal: float, way: tuple[Array, Array, float] | None = None, spent: float = 1.0
     ) -> _Pair | None:
-        """The equilibrium at which that is dissipated; sought along a way on which so much was, and beside the start."""
+        """The equilibrium at which that is dissipated; sought along a way on which so much was, and at the start."""
         guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
         border = frozen.dissipation(goal)
         found = (frozen.solved(guess, border) for guess in (*guesses, *map(frozen.outward, _OUTWARD)))
         return next((pair for pair in found if pair is not None), None)
 
-    def _solved_stage(self, stage: Stage, before: TimeState, pair: _Pair | None) -> SolvedStage:
-        """A pair as the solution of its stage; where there is none the state before, which solves nothing."""
+    def _solved_stage(self, stage: Stage, before: TimeState, pair: _Pair | None, most: float) -> SolvedStage:
+        """A pair as the solution of its stage; where there is none the state before, which solves nothing.
+
+        Near the end next to nothing acts: what is left is held against the most that did, ``most``.
+        """
+        size = max(self.stages.size(stage), most)
         system, controls = self.stages.workspace.condensed(stage.problem, many=True), self.stages.controls
         r, lam = (before.local.displacement - stage.origin, before.multiplier) if pair is None else (pair.r, pair.lam)
         unknowns, (residual, *_) = system.recover(r, lam)
-        good = pair is not None and residual.below(controls.within(controls.rtol * self.stages.size(stage)).atol, controls.rtol)
+        good = pair is not None and residual.below(controls.within(controls.rtol * size).atol, controls.rtol)
         solution = Solution(
             stage.problem, unknowns, lam,
             Status.CONVERGED if good else Status.STALLED if pair is None else Status.INACCURATE,

@@ -112,8 +112,8 @@ class March:
         default=None,
         metadata=stated(
             Form.OWN,
-            '`"dissipation"` or `{ opening = "boundary" }`: the load factor, which `t` is in loads, is an answer of every '
-            "step, and may fall",
+            '`"dissipation"` or `{ opening = "boundary" }`: the load factor, which `t` is in loads, is an answer of '
+            "every step, and may fall",
             left_out="the loads follow the time",
         ),
     )
@@ -198,8 +198,8 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
     if not stated.linear:
         _refuse_nonlinear(plan)
     plan.stepping(span).first(span)
-    if plan.control is not None:
-        refuse_control(stated, scheme, plan.stepping(span))
+    if isinstance(plan.control, Control):
+        refuse_control(stated, plan.control, scheme, plan.stepping(span))
     if SelectionRule(plan.jump).follows:
         _refuse_path(stated, plan)
 

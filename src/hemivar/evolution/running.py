@@ -183,7 +183,8 @@ class TimeLoop:
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
-            self.identity = tools.identity(self.stepper, self.stepping, plan.stops, plan.save, plan.events, plan.jump, plan.control)
+            given = self.stepping, plan.stops, plan.save, plan.events, plan.jump, plan.control
+            self.identity = tools.identity(self.stepper, *given)
         self.moment: TimeState
         self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
