@@ -117,7 +117,8 @@ CASES = {
     "mass": (lambda: Evolution(plain(density=1.0), inertia=True), {}, "has mass"),
     "viscosity": (lambda: Evolution(plain(viscosity=(1.0, 1.0))), {}, "has viscosity"),
     "branches": (
-        lambda: Evolution(plain(branches=[hv.materials.Branch(lame=(1.0, 1.0), time=0.5)])), {}, "branches of this one relax"
+        lambda: Evolution(plain(branches=[hv.materials.Branch(lame=(1.0, 1.0), time=0.5)])),
+        {}, "branches of this one relax",
     ),
     "heat": (lambda: Evolution(plain(), heat=hv.mechanics.Heat(1.0, 1.0)), {}, "has heat"),
     "scheme": (lambda: Evolution(plain()), {"scheme": "sdirk2"}, "goes with the scheme implicit-euler"),
