@@ -140,7 +140,10 @@ def _scheme(table: TomlTable) -> Scheme:
 
 
 def _control(table: TomlTable) -> Control:
-    if isinstance(table.data["control"], str):
+    value = table.data["control"]
+    if not isinstance(value, dict):
+        if not isinstance(value, str):
+            raise table.error("control", f'must be "{DISSIPATION}" or {{ opening = "boundary" }}, not {kind(value)}')
         table.text("control", None, [DISSIPATION])
         return Control()
     given = table.table("control", ("opening",), inline=True)
