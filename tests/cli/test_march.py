@@ -109,6 +109,8 @@ def test_a_static_file_says_what_it_needs(folder: Path, capsys: pytest.CaptureFi
         (["--every", "0"], "--every is 0"),
         (["--scheme", "newmrk"], "did you mean 'newmark'"),
         (["--scheme", "sdirk2"], "for bodies without mass"),
+        (["--control", "disipation"], "give 'dissipation', or"),
+        (["--control", "slip:bottom"], "give 'dissipation', or"),
         (["--jump", "globl"], "did you mean 'global'"),
         (["--max-time", "0"], "--max-time is 0"),
         (["--rtol", "1"], "--rtol is 1"),

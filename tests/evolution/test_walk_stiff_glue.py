@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -186,3 +188,13 @@ def test_a_gap_that_opens_is_a_support_that_moves_away(steps: int) -> None:
 def test_a_step_that_softens_keeps_to_its_time() -> None:
     evolution = pulled(LAWS["adhesive"], 2.0)
     assert march(evolution, 1.0, step=0.5, controls=hv.Controls(max_time=1e-9)).ended == "max_time"
+
+
+def test_a_walk_keeps_to_the_time_that_a_step_may_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock of a step's limit goes on by one second whenever it is looked at: a jump of 40 takes longer than 3."""
+    ticks = iter(range(100000))
+    monkeypatch.setattr(walk, "Budget", lambda limit: SimpleNamespace(due=lambda: float(next(ticks) > limit)))
+    limited = march(pulled(LAWS["adhesive"], 4.0), 1.0, step=0.25, controls=hv.Controls(max_time=3.0))
+    assert limited.ended == "max_time"
+    assert limited.times[-1] >= 0.25
+    assert next(ticks) < 10

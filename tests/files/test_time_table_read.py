@@ -444,3 +444,31 @@ def test_refused_in_one_line(name: str) -> None:
         parse_problem_file(text)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("problem: ")
+
+
+@pytest.mark.parametrize(
+    ("given", "control"), [('"dissipation"', "dissipation"), ('{ opening = "bottom" }', {"opening": "bottom"})]
+)
+def test_a_control_is_read_and_written_back(given: str, control: object, tmp_path: Path) -> None:
+    stated = read(time=f"until = 1.0\nstep = 0.1\ncontrol = {given}")
+    assert stated.time is not None
+    assert stated.time.march.control == hv.evolution.March(1.0, control=control).control  # type: ignore[arg-type]
+    write_problem(stated, tmp_path / "again.toml")
+    again = read_problem_file(tmp_path / "again.toml")
+    assert again.time is not None
+    assert again.time.march.control == stated.time.march.control
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ('"disipation"', "did you mean 'dissipation'"),
+        ("3", "must be .dissipation. or"),
+        ("{ opening = 3 }", "must be a text"),
+        ('{ slip = "bottom" }', "opening"),
+        ("{}", "opening is missing|opening. is missing"),
+    ],
+)
+def test_a_control_that_is_none_is_refused(given: str, says: str) -> None:
+    with pytest.raises(ProblemError, match=says):
+        read(time=f"until = 1.0\nstep = 0.1\ncontrol = {given}")

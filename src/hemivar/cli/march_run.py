@@ -47,6 +47,7 @@ class MarchOptions:
     minutes: Annotated[float | None, option("Least time between checkpoints (10).", of="X")] = None
     resume: opt.Resume = False
     jump: Annotated[str | None, option("Where a step may have several solutions: local, stop ...", of="NAME")] = None
+    control: Annotated[str | None, option("Finds the load: dissipation, opening:BOUNDARY.", of="NAME")] = None
     rtol: opt.Rtol = None
     max_time: opt.MaxTime = None
     given: opt.Given = None
@@ -69,6 +70,12 @@ class MarchOptions:
             if given is not None and given not in known:
                 raise ProblemError(f"{name} {given}: it is not known{suggest(given, known)}")
 
+    @property
+    def _control(self) -> str | dict[str, str] | None:
+        """The control as :class:`hemivar.evolution.March` has it."""
+        kind, colon, boundary = (self.control or "").partition(":")
+        return {kind: boundary} if colon else self.control
+
     def plan(
         self, stated: ProblemFile, checkpoint: Path | None, controls: Controls, solver: Solver | None = None
     ) -> March:
@@ -88,6 +95,7 @@ class MarchOptions:
             "step": self.step if self.adaptive is None else AdaptiveStep(self.adaptive, first_step=self.step),
             "scheme": None if self.scheme is None else SCHEMES[self.scheme],
             "jump": self.jump,
+            "control": self._control,
             "max_time": self.max_time,
             "method": solver,
         }

@@ -124,6 +124,9 @@ def print_history(found: History) -> None:
         return
     print(f"worst residual    {found.residual:.1e}")
     print(f"least margin      {found.margin:.6g}{'; ' if found.margin <= 0.0 else ', '}{found.uniqueness}")
+    if "load_factor" in found.columns:
+        factors = found["load_factor"]
+        print(f"load factor       {factors[-1]:.6g} at the end, at most {factors.max():.6g}")
     ledger = found.ledger
     given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
     given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []

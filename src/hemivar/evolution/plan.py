@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from hemivar.basics.disk import path_of
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.stated import Form, stated
 from hemivar.errors import ProblemError
+from hemivar.evolution.control import Control, control_of, refuse_control
 from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import Event
@@ -48,6 +49,9 @@ class March:
         A step ends where one happens.
     jump : SelectionRule or str
         What happens where a step may have several solutions and nothing viscous chooses one.
+    control : str or mapping, optional
+        ``"dissipation"`` or ``{"opening": boundary}``: the load factor is unknown, and falls where the joint carries
+        less. What acts is that of the time ``t`` = load factor.
     method : Solver or str, optional
         Of the steps, or its name as in :func:`hemivar.solve`; chosen by their size by default.
     controls : Controls
@@ -104,6 +108,15 @@ class March:
             choices=tuple(SelectionRule),
         ),
     )
+    control: Control | str | Mapping[str, str] | None = field(
+        default=None,
+        metadata=stated(
+            Form.OWN,
+            '`"dissipation"` or `{ opening = "boundary" }`: the load factor, which `t` is in loads, is an answer of '
+            "every step, and may fall",
+            left_out="the loads follow the time",
+        ),
+    )
     method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
     max_time: float = math.inf
@@ -131,6 +144,7 @@ class March:
         except ValueError:
             gone = " was removed: march with inertia" if isinstance(self.jump, str) and self.jump == "dynamic" else ""
             raise ProblemError(f"jump = {quoted(self.jump)}{gone}; choose one of {', '.join(SelectionRule)}") from None
+        object.__setattr__(self, "control", control_of(self.control))
         as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
         if not number(self.max_time, "max_time", "give seconds") >= 0.0:
@@ -184,6 +198,8 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
     if not stated.linear:
         _refuse_nonlinear(plan)
     plan.stepping(span).first(span)
+    if isinstance(plan.control, Control):
+        refuse_control(stated, plan.control, scheme, plan.stepping(span))
     if SelectionRule(plan.jump).follows:
         _refuse_path(stated, plan)
 

@@ -12,6 +12,7 @@ from hemivar.basics.deadline import OutOfTime, check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.evolution.control import Control, ControlledStepper
 from hemivar.evolution.data_in_time import kinks_in_time
 from hemivar.evolution.descent import regularising_viscosity
 from hemivar.evolution.digest import identity
@@ -163,8 +164,11 @@ class TimeLoop:
             stop: _BESIDE * (stop - self.start) for stop in plan.stops if stop > self.start
         }
         self.stops = frozenset(stops)
-        method = method_for(plan.method, discrete.problem)
-        self.stepper = tools.advance(discrete, plan.scheme, method, plan.controls, workspace, stops)
+        method, controlled = method_for(plan.method, discrete.problem), isinstance(plan.control, Control)
+        sides = {} if controlled else stops
+        self.stepper = tools.advance(discrete, plan.scheme, method, plan.controls, workspace, sides)
+        if isinstance(plan.control, Control):
+            self.stepper = ControlledStepper.over(self.stepper, plan.control, plan.until)
         self.margins = tools.margins(self.stepper)
         self.bound = tools.bound(self.stepper)
         stated = discrete.evolution.problem, discrete.evolution.heat
@@ -172,14 +176,15 @@ class TimeLoop:
         self.doubts += _rings(discrete, plan.scheme)
         if discrete.problem.idle is not None:
             self.doubts += (f"at t = {self.start:g} {discrete.problem.idle}",)
-        self.ends = _ends(plan, self.start, kinks)
+        self.ends = _ends(plan, self.start, () if controlled else kinks)
         self.yields = yields_at_once(discrete)
         self.unsettled: StepResult | None = None
         self.identity = ""
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
-            self.identity = tools.identity(self.stepper, self.stepping, plan.stops, plan.save, plan.events, plan.jump)
+            given = self.stepping, plan.stops, plan.save, plan.events, plan.jump, plan.control
+            self.identity = tools.identity(self.stepper, *given)
         self.moment: TimeState
         self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
@@ -234,6 +239,9 @@ class TimeLoop:
         if self.unsettled is not None:
             why = self.unsettled.status
             return None, (_BROKEN if why is Status.NOT_CARRIED else why.value,), True
+        if isinstance(self.stepper, ControlledStepper) and self.stepper.broken(begin):
+            self.tell(f"broken at t = {begin.time:.10g}: the joint carries less than a hundredth of its largest load")
+            return None, (_BROKEN,), True
         tried = self._tried(begin, goal)
         if isinstance(tried, Status):
             return None, (_BROKEN if tried is Status.NOT_CARRIED else tried.value,), True
@@ -466,7 +474,8 @@ class TimeLoop:
 
     def _jumped(self, taken: StepResult) -> tuple[StepResult, bool]:
         """Whether the body jumped; with what it lost, beside what a law that changed took from what was stored."""
-        if taken.jumps or SelectionRule(self.plan.jump).follows or not crosses_energy_barrier(self.stepper, taken):
+        known = taken.jumps or taken.moment.control is not None or SelectionRule(self.plan.jump).follows
+        if known or not crosses_energy_barrier(self.stepper, taken):
             return taken, bool(taken.jumps)
         before, ledger = taken.before, taken.moment.ledger
         weakened = before.ledger.contact - energies(self.discrete, before, taken.stages[-1].law)["contact"]

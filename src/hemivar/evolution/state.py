@@ -15,6 +15,7 @@ __all__ = [
     "HeatBalance",
     "Kinematics",
     "LastStep",
+    "LoadControl",
     "Rates",
     "ThermalState",
     "TimeState",
@@ -132,6 +133,23 @@ class ContactForce(PickleMixin):
 
 
 @dataclass(frozen=True, eq=False)
+class LoadControl(PickleMixin):
+    """What a march whose load factor is unknown knows of it."""
+
+    factor: float
+    #: Energy that a unit of time dissipates.
+    pace: float
+    #: Largest distance of the load factor from the start so far.
+    largest: float
+    #: In the last step: its length, change of the load factor, what was dissipated, and changes of slip and multiplier.
+    step: float
+    moved: float
+    spent: float
+    slid: Array  # (m, c)
+    pressed: Array  # (m, c)
+
+
+@dataclass(frozen=True, eq=False)
 class TimeState(PickleMixin):
     """All that the future of an evolution depends on.  A step is a function from one state to the next."""
 
@@ -156,6 +174,8 @@ class TimeState(PickleMixin):
     history: LastStep | None = None
     #: Contact forces that are reported for this state, where they are not the multiplier at this time.
     shown: ContactForce | None = None
+    #: Of a march whose load factor is unknown, from its first step on.
+    control: LoadControl | None = None
 
     @property
     def contact_force(self) -> ContactForce:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.arrays import norm
-from hemivar.basics.deadline import check_time
+from hemivar.basics.deadline import Budget, check_time
 from hemivar.basics.types import Array
 from hemivar.evolution.barrier import PARTS, bends_downwards
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
@@ -52,12 +52,15 @@ class Walk:
     def down(self, r: Array, lam: Array) -> Solution | None:
         """The minimiser that is reached from a place near a pair (m, d); None where steps do not settle."""
         resistance, wait, left, eased = self.most * _BEGINS, 1, 1, _EASED
+        budget = Budget(self.controls.max_time)
         for _ in range(_STEPS):
             check_time()
+            if budget.due():
+                return self._solution(r, lam, Status.MAX_TIME)
             left -= 1
             if left <= 0:
                 found = self._step(r, lam, 0.0)
-                ended = None if found is None else self._solution(found)
+                ended = None if found is None else self._solution(found.x, self._multiplier(found))
                 if ended is not None:
                     return ended
                 left = wait = 2 * wait
@@ -70,9 +73,9 @@ class Walk:
             before, r, lam = r, point.x, point.on.multiplier
             off, allowed = resistance * norm(self.norm @ (r - before).ravel()), self._tolerance(lam)
             if off <= _AT_REST * allowed:
-                return self._solution(point)
+                return self._solution(r, self._multiplier(point))
             if self._falls_for_ever(point, r - before):
-                return self._solution(point, Status.NOT_CARRIED)
+                return self._solution(r, self._multiplier(point), Status.NOT_CARRIED)
             left = 1 if off <= allowed else left
             resistance, eased = resistance / eased, _EASED
         return None
@@ -106,11 +109,14 @@ class Walk:
         counts = stands(system, point.x, point.on.multiplier)
         return point if counts and not bends_downwards(law, system.weights, r, point.x, body) else None
 
-    def _solution(self, point: GraphPoint, status: Status | None = None) -> Solution | None:
-        """What a place comes to; None where it is no equilibrium."""
+    def _multiplier(self, point: GraphPoint) -> Array:
+        """That of the laws at a place, and of supports what they hold."""
+        return np.where(self.system.active, point.on.multiplier, point.lam)
+
+    def _solution(self, r: Array, lam: Array, status: Status | None = None) -> Solution | None:
+        """What a pair (m, d) comes to; None where it is no equilibrium."""
         system = self.system
-        lam = np.where(system.active, point.on.multiplier, point.lam)
-        u, (residual, *_) = system.recover(point.x, lam)
+        u, (residual, *_) = system.recover(r, lam)
         if status is None and not residual.below(self.controls.atol, self.controls.rtol):
             return None
         name = SEMISMOOTH if system.law.state_dependent else NonsmoothNewton.name

@@ -8,6 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from hemivar.basics.stated import keys_of, stated_fields
+from hemivar.evolution.control import DISSIPATION, Control
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import Save
@@ -47,7 +48,7 @@ def read_in_time(
     table = top.table("time", KEYS["time"])
     if "until" not in table:
         raise table.error("until", "is missing; give the end of time, which begins at 0")
-    plan = decode(March, table, step=_step, scheme=_scheme, stops=_stops)
+    plan = decode(March, table, step=_step, scheme=_scheme, stops=_stops, control=_control)
     begin = decode(TimeSettings, table, initial=lambda given: _initial(given, mesh.dim, scalar))
     _check(table, plan.get("scheme"), begin.get("inertia", False), inert, scalar)
     if "velocity" in begin.get("initial", ()) and not begin.get("inertia"):
@@ -138,6 +139,19 @@ def _scheme(table: TomlTable) -> Scheme:
         return replace(scheme, **decode(scheme, given))
 
 
+def _control(table: TomlTable) -> Control:
+    value = table.data["control"]
+    if not isinstance(value, dict):
+        if not isinstance(value, str):
+            raise table.error("control", f'must be "{DISSIPATION}" or {{ opening = "boundary" }}, not {kind(value)}')
+        table.text("control", None, [DISSIPATION])
+        return Control()
+    given = table.table("control", ("opening",), inline=True)
+    if "opening" not in given:
+        raise given.error("opening", "is missing; name a contact boundary")
+    return Control(given.text("opening", None))
+
+
 def _probes(table: TomlTable, dim: int) -> Mapping[str, tuple[float, ...]]:
     probes = table.table("probes", None, inline=True)
     what = f"a list of {dim} numbers, the place of the probe"
@@ -160,9 +174,10 @@ def time_record(time: TimeSettings, scalar: ScalarKind | None = None) -> dict[st
         names = dict(zip(_INITIAL[None], _INITIAL[scalar], strict=False))
         return {names[name]: write(value, f"time.{names[name]}") for name, value in start.items()}
 
-    return encode(time.march, "time", step=_step_record, scheme=_scheme_record, stops=list) | encode(
-        time, "time", initial=initial
+    march = encode(
+        time.march, "time", step=_step_record, scheme=_scheme_record, stops=list, control=lambda given: given.stated
     )
+    return march | encode(time, "time", initial=initial)
 
 
 def _step_record(step: StepSizeController) -> object:

@@ -1,0 +1,493 @@
+"""Steps of a body whose load factor is unknown: what is given is energy that is dissipated, or an opening.
+
+Where glue lets go the load that a joint carries may have to fall, and displacements with it: a snap-back. No time that
+loads follow leads through it.  Here the loads are those of a time that is an answer, the load factor (Riks 1979;
+Gutierrez 2004).  A step solves, with the memory of the contact points as it was before it,
+
+    A r + W lam = g_0 + (factor - factor_0) g_1,    lam in dj(memory; r),    c(r, lam) = goal
+
+in Minty's chart of the laws, ``p = a r + lam``, by Newton's method for p and the factor together.  The goal is
+
+* of ``"dissipation"`` an increment of ``sum w (lam_0.r - lam.r_0)/2``: what glue that unloads along secants to the
+  origin dissipates on a straight way from the pair ``r_0, lam_0`` to ``r, lam`` (Verhoosel, Remmers, Gutierrez 2009).
+  Unloading makes none, and so it leads onwards alone.  Where nothing dissipates the load factor is given instead;
+* of an opening the largest one of a boundary.
+
+The time of such a march is no physical one.  While nothing dissipates it runs as the load factor does. From there on
+energy is dissipated at the rate at which the load was storing it, twice: ``2 E/factor``.  With an opening it is that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from hemivar.basics.arguments import described, quoted
+from hemivar.basics.arrays import norm
+from hemivar.basics.deadline import check_time
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.evolution.evolution_problem import Evolution
+from hemivar.evolution.jumps import SelectionRule
+from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.evolution.stage import Stage, posed_stage, stage_state
+from hemivar.evolution.state import LoadControl, TimeState
+from hemivar.evolution.step_end import SolvedStage, with_products
+from hemivar.evolution.step_laws import stage_law
+from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.evolution.steps import FixedStep, StepSizeController
+from hemivar.solvers import Solution, Status
+from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation
+from hemivar.systems.condensed import CondensedProblem
+
+__all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_control"]
+
+#: The control by what is dissipated.
+DISSIPATION = "dissipation"
+#: Newton's equations of a step at most.
+_ROUNDS = 15
+#: Change of a place, as a part of its size, at which it stands; what it may still be where the balance is exact.
+_STANDS, _STILL = 1e-12, 1e-7
+#: Rounding of a balance, as a part of the forces in it.
+_ROUNDING = 1e-13
+#: Weight of the law of a component that a support holds.
+_HELD = 1e-12
+#: Part of the pace below which a step dissipates nothing.
+_NOTHING = 1e-9
+#: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
+_AHEAD, _MORE = 4.0, 1.0 + 1e-6
+#: Part of its pace that a step which goes by the load dissipates at most.
+_BY_LOAD = 0.99
+#: How far pairs are taken outward for a guess.
+_OUTWARD = (1e-6, 1e-3)
+#: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
+_LEAST, _MOST = 0.5, 2.5
+#: Part of the largest change of the load factor at which a joint counts as broken.
+BROKEN = 1e-2
+
+
+@dataclass(frozen=True)
+class Control:
+    """What is given in the place of the load factor: what is dissipated, or the opening of a contact boundary."""
+
+    opening: str | None = None
+
+    @property
+    def stated(self) -> str | dict[str, str]:
+        """It as it is given."""
+        return DISSIPATION if self.opening is None else {"opening": self.opening}
+
+
+def control_of(given: object) -> Control | None:
+    """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``.
+
+    Raises
+    ------
+    ProblemError
+        It is none of these.
+    """
+    if given is None or isinstance(given, Control):
+        return given
+    if given == DISSIPATION and isinstance(given, str):
+        return Control()
+    if isinstance(given, Mapping) and set(given) == {"opening"} and isinstance(given["opening"], str):
+        return Control(given["opening"])
+    shown = quoted(given) if isinstance(given, str) else described(given)
+    raise ProblemError(f"control is {shown}; give '{DISSIPATION}', or {{'opening': name}} of a contact boundary")
+
+
+def refuse_control(stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController) -> None:
+    """Refuse what does not go with a load factor that is unknown.
+
+    Raises
+    ------
+    ProblemError
+        The body resists rates, has heat, or is not linear; the scheme or the steps are others.
+    """
+    material = stated.problem.material
+    why = ""
+    if stated.inertia:
+        why = "has mass"
+    elif material.viscous:
+        why = "has viscosity"
+    elif stated.heat is not None or material.capacity is not None:
+        why = "has heat"
+    elif not stated.linear:
+        why = "is not linear"
+    if why:
+        raise ProblemError(
+            f"control = ... looks for the load factor of an elastic body in equilibrium, and this one {why}; leave "
+            "either out"
+        )
+    for name, contact in stated.problem.contact.items():
+        rates = contact.damping is not None or any(part.iterates or not part.of_state for part in contact.remembers)
+        if rates:
+            raise ProblemError(
+                f"control = ... has no time that rates could refer to, and contact '{name}' has a damping, or a memory "
+                "other than that of glue; leave either out"
+            )
+    if control.opening is None and not any(contact.remembers for contact in stated.problem.contact.values()):
+        raise ProblemError(
+            f"control = '{DISSIPATION}' needs glue that remembers its damage, and nothing dissipates here; leave "
+            "memory = () out, or give {'opening': name}"
+        )
+    if "law" in stated.problem.time_dependent:
+        raise ProblemError("control = ... takes t for the load factor, and a law depends on t; leave t out of laws")
+    if not isinstance(scheme, ImplicitEuler):
+        raise ProblemError(f"control = ... goes with the scheme {ImplicitEuler.name}, not {scheme.name}; leave it out")
+    if not isinstance(step, FixedStep):
+        raise ProblemError("control = ... chooses no steps by an error in time; give a length of steps")
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Displacements and multipliers (m, c) of contact points in equilibrium, at a load factor."""
+
+    r: Array
+    lam: Array
+    factor: float
+    rounds: int = 0
+
+
+#: A number that is to be zero, and its derivatives by r, lam (m, c) and the factor.
+_Border = Callable[[_Pair], tuple[float, Array, Array, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class _FrozenStep:
+    """The equilibria of a step over the load factor, memories being what they are before it."""
+
+    equation: GraphEquation
+    start: _Pair
+    #: Of balance and held components, by the factor.
+    rate: Array  # (m c,)
+    held_rate: Array  # (m, c)
+    #: Components whose secants count.
+    secant: BoolArray  # (m, c)
+
+    @property
+    def system(self) -> CondensedProblem:
+        system = self.equation.system
+        assert isinstance(system, CondensedProblem)
+        return system
+
+    @property
+    def spread_weights(self) -> Array:
+        """Weights (m, 1)."""
+        return self.system.weights[:, None]
+
+    def spent(self, pair: _Pair) -> float:
+        """What is dissipated on the way to a pair, as if it were straight."""
+        return self.dissipation(0.0)(pair)[0]
+
+    # ---- what is given -----------------------------------------------------------------------------------
+
+    def load(self, factor: float) -> _Border:
+        """The load factor."""
+        zero = np.zeros(self.system.shape)
+        return lambda pair: (pair.factor - factor, zero, zero, 1.0)
+
+    def dissipation(self, goal: float) -> _Border:
+        """What is dissipated."""
+        half = 0.5 * self.spread_weights * self.secant
+        by_r, by_lam = half * self.start.lam, -half * self.start.r
+
+        def border(pair: _Pair) -> tuple[float, Array, Array, float]:
+            return float((by_r * pair.r).sum() + (by_lam * pair.lam).sum()) - goal, by_r, by_lam, 0.0
+
+        return border
+
+    def opening(self, points: IntArray, goal: float) -> _Border:
+        """The largest opening of some contact points."""
+        zero = np.zeros(self.system.shape)
+
+        def border(pair: _Pair) -> tuple[float, Array, Array, float]:
+            widest = points[int(np.argmin(pair.r[points, 0]))]
+            by_r = zero.copy()
+            by_r[widest, 0] = -1.0
+            return -float(pair.r[widest, 0]) - goal, by_r, zero, 0.0
+
+        return border
+
+    # ---- Newton's method -----------------------------------------------------------------------------------
+
+    def ahead(self, way: tuple[Array, Array, float], part: float) -> _Pair:
+        """What lies a part of a way beyond the start."""
+        slid, pressed, factor = way
+        start = self.start
+        return _Pair(start.r + part * slid, start.lam + part * pressed, start.factor + part * factor)
+
+    def outward(self, part: float) -> _Pair:
+        """The start, all pairs a little farther from the origin: where glue that was damaged before softens on."""
+        return self.ahead((self.start.r, self.start.lam, 0.0), part)
+
+    def solved(self, guess: _Pair, border: _Border) -> _Pair | None:
+        """The equilibrium near a guess at which a border is zero; None where Newton's method does not find it."""
+        a = self.equation.stiffness
+        p, factor, last = a * guess.r + guess.lam, guess.factor, np.inf
+        for number in range(1, _ROUNDS + 1):
+            check_time()
+            try:
+                on = self.equation.chart.at(p)
+            except ProblemError:
+                return None
+            pair = _Pair(on.r, on.multiplier, factor, number)
+            missed, by_r, by_lam, by_factor = border(pair)
+            balance, size = self._balance(pair)
+            change = self._change(on.jacobian, balance, missed, (by_r, by_lam, by_factor))
+            if change is None:
+                return None
+            step, more = change
+            # As far as the place moves, in displacements; the balance says whether that is rounding.
+            moved = float(np.abs(step / a).max()) / (float(np.abs(p / a).max()) or 1.0)
+            exact = norm(balance) <= _ROUNDING * size
+            if moved <= _STANDS or (exact and moved <= _STILL) or (moved <= _STILL and moved >= 0.5 * last):
+                return pair if norm(balance) <= 1e-9 * size else None
+            p, factor, last = p + step, factor + more, moved
+        return None
+
+    def _balance(self, pair: _Pair) -> tuple[Array, float]:
+        """What is out of balance (m, c), and the size of what is added up in it."""
+        system, weights, start = self.system, self.spread_weights, self.start
+        since = pair.factor - start.factor
+        stretched, pressed = (system.matrix @ pair.r.ravel()).reshape(system.shape), weights * pair.lam
+        load = (system.load + since * self.rate).reshape(system.shape)
+        balance = stretched + pressed - load
+        held = weights * self.equation.stiffness
+        place = system.fixed + since * self.held_rate
+        found = np.where(system.active, balance, held * (pair.r - place) + _HELD * pressed)
+        return found, norm(stretched) + norm(pressed) + norm(load) + norm(held * pair.r)
+
+    def _change(
+        self, jacobian: Array, balance: Array, missed: float, by: tuple[Array, Array, float]
+    ) -> tuple[Array, float] | None:
+        """The change of p (m, c) and of the factor; None where nothing tells it."""
+        system, a, weights = self.system, self.equation.stiffness, self.spread_weights
+        m, c = system.shape
+        every, n = np.arange(m), m * c
+        by_r, by_lam, by_factor = by
+        rest = np.eye(c) - a[:, :, None] * jacobian  # of lam in p
+        matrix = np.zeros((n + 1, n + 1))
+        pulled = np.matmul(system.matrix.reshape(n, m, c).transpose(1, 0, 2), jacobian).transpose(1, 0, 2)
+        matrix[:n, :n] = pulled.reshape(n, n)
+        blocks = np.where(
+            system.active[:, :, None],
+            weights[:, :, None] * rest,
+            weights[:, :, None] * (a[:, :, None] * jacobian + _HELD * rest),
+        )
+        inner = np.zeros((m, c, m, c))
+        inner[every, :, every, :] = blocks
+        matrix[:n, :n] += inner.reshape(n, n)
+        load = np.where(system.active, self.rate.reshape(m, c), weights * a * self.held_rate)
+        matrix[:n, n] = -load.ravel()
+        row = np.einsum("mi,mij->mj", by_r, jacobian) + np.einsum("mi,mij->mj", by_lam, rest)
+        matrix[n, :n], matrix[n, n] = row.ravel(), by_factor
+        scale = np.abs(matrix).max(axis=1)
+        if not (scale > 0.0).all():
+            return None
+        try:
+            found = np.linalg.solve(matrix / scale[:, None], -np.append(balance.ravel(), missed) / scale)
+        except np.linalg.LinAlgError:
+            return None
+        return (found[:n].reshape(m, c), float(found[n])) if np.isfinite(found).all() else None
+
+
+@dataclass(frozen=True, eq=False)
+class ControlledStepper(TimeStepper):
+    """Takes steps of an evolution whose load factor is unknown."""
+
+    control: Control = field(kw_only=True)
+    #: Load factors between which what acts is looked at.
+    span: tuple[float, float] = field(kw_only=True)
+
+    @classmethod
+    def over(cls, stepper: TimeStepper, control: Control, until: float) -> Self:
+        """That of an evolution, whose loads must be straight lines over the time.
+
+        Raises
+        ------
+        ProblemError
+            They are not, nothing grows, or the boundary of an opening is none.
+        """
+        discrete = stepper.discrete
+        made = cls(
+            discrete, stepper.scheme, stepper.stages, stepper.operators, stepper.data, control=control,
+            span=(discrete.evolution.start, until),
+        )  # fmt: skip
+        if discrete.branches:
+            raise ProblemError(
+                "control = ... looks for the load factor of an elastic body in equilibrium, and the branches of this "
+                "one relax; leave either out"
+            )
+        if not discrete.vectors.alone:
+            raise ProblemError("control = ... is for one process; leave the engine out")
+        if control.opening is not None:
+            discrete.problem.contact.on(control.opening)
+        made._refuse_bent()
+        return made
+
+    def _refuse_bent(self) -> None:
+        """Refuse what acts where it is no straight line over the load factor, or stays as it is."""
+        low, high = self.span
+        first, middle, last = (self.data.at(time) for time in (low, 0.5 * (low + high), high))
+        grows = False
+        for name in ("load", "prescribed", "offset"):
+            one, two, three = (getattr(acting, name) for acting in (first, middle, last))
+            size = max((float(np.abs(part).max(initial=0.0)) for part in (one, two, three)), default=0.0)
+            if np.abs(one - 2.0 * two + three).max(initial=0.0) > 1e-9 * size:
+                raise ProblemError(
+                    "control = ... takes t for the load factor, and a load, support or gap is no straight line in t; "
+                    "state it as a multiple of t"
+                )
+            grows = grows or bool(np.abs(three - one).max(initial=0.0) > 0.0)
+        if not grows:
+            raise ProblemError(
+                "control = ... takes t for the load factor, and no load, support or gap grows with t; state it as a "
+                "multiple of t"
+            )
+
+    # ---- what is told --------------------------------------------------------------------------------------
+
+    def known(self, state: TimeState) -> LoadControl:
+        """What a state knows of the load factor."""
+        if state.control is not None:
+            return state.control
+        none = np.zeros_like(state.multiplier)
+        return LoadControl(self.span[0], 0.0, 0.0, 0.0, 0.0, 0.0, none, none)
+
+    def extra_columns(self, state: TimeState) -> dict[str, float]:
+        return {"load_factor": self.known(state).factor}
+
+    def broken(self, state: TimeState) -> bool:
+        """Whether the load factor has fallen to next to nothing of its largest one."""
+        known = self.known(state)
+        return known.spent > 0.0 and abs(known.factor - self.span[0]) <= BROKEN * known.largest
+
+    # ---- a step ----------------------------------------------------------------------------------------------
+
+    def take(
+        self, before: TimeState, step: float, end_time: float | None = None, jump: SelectionRule = SelectionRule.LOCAL
+    ) -> StepResult:
+        """One step; see :meth:`TimeStepper.take`."""
+        before = with_products(self.discrete, before)
+        known = self.known(before)
+        (operator,) = self.operators.of(step, None)
+        start = self.data.at(known.factor)
+        guess = self.discrete.counted(before.local.displacement, before.local.displacement)
+        law = stage_law(self.discrete, start, before, operator.rule, step, guess, before.multiplier, operator.laws)
+
+        def posed(factor: float) -> Stage:
+            end = self.data.at(factor)
+            return posed_stage(self.discrete, self.stages.bodies, before, operator, end, end, start, law)
+
+        frozen = self._frozen(before, known, posed(known.factor), posed(known.factor + step), step)
+        pair = None if frozen is None else self._pair(frozen, known, before, step)
+        factor = known.factor if pair is None else pair.factor
+        stage = posed(factor)
+        most = 0.0 if frozen is None else known.largest * norm(frozen.rate)
+        solved = self._solved_stage(stage, before, pair, most)
+        time = before.time + step if end_time is None else end_time
+        taken = self._balanced(self._ended(before, [solved], step, time, self.data.at(factor)), [solved])
+        if frozen is None or pair is None or taken.status is not Status.CONVERGED:
+            return taken
+        spent, ledger, gone = frozen.spent(pair), taken.moment.ledger, abs(pair.factor - self.span[0])
+        if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory):
+            return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
+        largest = max(known.largest, gone)
+        # At the first step the body is elastic: what it stores is a square of the factor.
+        pace = known.pace / known.largest if known.pace else 2.0 * max(ledger.stored - ledger.start, 0.0) / gone**2
+        control = LoadControl(
+            pair.factor,
+            pace * largest,
+            largest,
+            step,
+            pair.factor - known.factor,
+            spent,
+            pair.r - frozen.start.r,
+            pair.lam - frozen.start.lam,
+        )
+        return replace(taken, moment=replace(taken.moment, control=control))
+
+    def _frozen(
+        self, before: TimeState, known: LoadControl, first: Stage, second: Stage, step: float
+    ) -> _FrozenStep | None:
+        workspace, problem = self.stages.workspace, first.problem
+        system = workspace.condensed(problem, many=True)
+        other = system.for_problem(second.problem)
+        equation = GraphEquation.of(system, problem.law.curve_above)
+        if equation is None:
+            raise ProblemError(
+                f"control = ... follows laws that are curves beside the body, and '{problem.law.name}' falls at once; "
+                "give its drop a slope"
+            )
+        secant = np.zeros(system.shape, dtype=bool)
+        for name, index in self.discrete.blocks:
+            secant[index] = name in before.memory
+        secant[:, 1:] &= self.discrete.follows_slip[:, None]
+        start = _Pair(before.local.displacement - first.origin, before.multiplier, known.factor)
+        rate, held = (other.load - system.load) / step, (other.fixed - system.fixed) / step
+        return _FrozenStep(equation, start, rate, held, secant)
+
+    def _straight(self, goal: float, spent: float, lost: float) -> bool:
+        """Whether what memories dissipated in a step agrees with what is dissipated on a straight way there."""
+        if self.control.opening is not None or not goal:
+            return True
+        return _LEAST * spent - goal <= lost <= _MOST * max(spent, goal) and spent <= _MOST * lost + _NOTHING * goal
+
+    def _pair(self, frozen: _FrozenStep, known: LoadControl, before: TimeState, step: float) -> _Pair | None:
+        """The next equilibrium."""
+        way = known.slid, known.pressed, known.moved
+        on = frozen.ahead(way, min(step / known.step, _AHEAD) if known.step else 0.0)
+        if self.control.opening is not None:
+            points = self.discrete.problem.contact.on(self.control.opening)
+            now = -float(frozen.start.r[points, 0].min())
+            border = frozen.opening(points, now + step)
+            found = frozen.solved(on, border)
+            return frozen.solved(frozen.start, border) if found is None else found
+        goal = known.pace * step
+        if known.spent > _BY_LOAD * known.pace * known.step > 0.0:  # the last one went by what is dissipated
+            found = self._dissipating(frozen, goal, way, known.spent)
+            if found is not None and found.factor <= known.factor + step:
+                return found
+        load = frozen.load(known.factor + step)
+        loaded = frozen.solved(on, load) or frozen.solved(frozen.start, load)
+        if loaded is None:
+            return self._dissipating(frozen, goal) if known.pace else None
+        spent = frozen.spent(loaded)
+        if spent <= _MORE * goal or not known.pace:
+            return loaded
+        way = loaded.r - frozen.start.r, loaded.lam - frozen.start.lam, loaded.factor - frozen.start.factor
+        return self._dissipating(frozen, goal, way, spent)
+
+    def _dissipating(
+        self, frozen: _FrozenStep, goal: float, way: tuple[Array, Array, float] | None = None, spent: float = 1.0
+    ) -> _Pair | None:
+        """The equilibrium at which that is dissipated; sought along a way on which so much was, and at the start."""
+        guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
+        border = frozen.dissipation(goal)
+        found = (frozen.solved(guess, border) for guess in (*guesses, *map(frozen.outward, _OUTWARD)))
+        return next((pair for pair in found if pair is not None), None)
+
+    def _solved_stage(self, stage: Stage, before: TimeState, pair: _Pair | None, most: float) -> SolvedStage:
+        """A pair as the solution of its stage; where there is none the state before, which solves nothing.
+
+        Near the end next to nothing acts: what is left is held against the most that did, ``most``.
+        """
+        size = max(self.stages.size(stage), most)
+        system, controls = self.stages.workspace.condensed(stage.problem, many=True), self.stages.controls
+        r, lam = (before.local.displacement - stage.origin, before.multiplier) if pair is None else (pair.r, pair.lam)
+        unknowns, (residual, *_) = system.recover(r, lam)
+        good = pair is not None and residual.below(controls.within(controls.rtol * size).atol, controls.rtol)
+        solution = Solution(
+            stage.problem, unknowns, lam,
+            Status.CONVERGED if good else Status.STALLED if pair is None else Status.INACCURATE,
+            residual,
+            method=SEMISMOOTH if stage.problem.law.state_dependent else NonsmoothNewton.name,
+            steps=0 if pair is None else pair.rounds,
+        )  # fmt: skip
+        point = stage.local_motion(stage.local(solution))
+        return SolvedStage(stage, solution, stage_state(self.discrete, stage, unknowns), point, lam)

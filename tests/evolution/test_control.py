@@ -1,0 +1,150 @@
+"""Marches whose load factor is unknown: through the peak and the snap-back of dead-loaded joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution import AdaptiveStep, Checkpoint, Evolution, History, Save, march
+from hemivar.laws import BilinearCohesion, MixedMode
+from tests import bodies
+
+TIGHT = hv.Controls(rtol=1e-12)
+#: Stiffness 24, strength 2.4 at the opening 0.1; the column above it is a spring of 12.
+STIFF, STRENGTH, FIRST, SPRING = 24.0, 2.4, 0.1, 12.0
+
+
+def lifted(x: Array, t: float) -> Array:
+    return np.tile([0.0, t], (len(x), 1))
+
+
+def column(fall: float, load: object = lifted) -> hv.ContactProblem:
+    """A column on glue that softens by ``fall``, pulled at its free top by a dead load of t."""
+    contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, fall, 72.0))
+    return bodies.column(contact, stiffness=SPRING, top=None, tractions={"top": load})  # type: ignore[dict-item]
+
+
+def followed(fall: float, until: float, step: float, control: object, **more: object) -> History:
+    options = {"save": Save(probes={"top": (0.5, 1.0)}), "controls": TIGHT} | more
+    return march(Evolution(column(fall)), until, step=step, control=control, **options)  # type: ignore[arg-type]
+
+
+def check_the_way(history: History, fall: float) -> Array:
+    """Each row lies on the curve of the glue, above it the spring, and has lost what a triangle of the law is."""
+    opening = np.array([-frame.local[0, 0] for frame in history.frames])
+    last = FIRST + STRENGTH / fall
+    carried = np.where(opening <= FIRST, STIFF * opening, np.maximum(fall * (last - opening), 0.0))
+    lost = 0.5 * STRENGTH * (np.clip(opening, FIRST, last) - FIRST) / (last - FIRST) * last
+    loads = history["load_factor"]
+    np.testing.assert_allclose(loads, carried, atol=1e-12)
+    np.testing.assert_allclose(history["top.u_y"], opening + loads / SPRING, atol=1e-12)
+    np.testing.assert_allclose(history["memory"], lost, atol=1e-12)
+    return loads
+
+
+@pytest.mark.parametrize("fall", [6.0, 36.0])
+@pytest.mark.parametrize("control", ["dissipation", {"opening": "bottom"}])
+def test_a_dead_load_on_a_spring_is_followed_until_the_glue_has_broken(fall: float, control: object) -> None:
+    """With a fall of 36 beside a spring of 12 the end of the spring goes back while the glue opens: a snap-back."""
+    by_opening = control != "dissipation"
+    until, step = (FIRST + STRENGTH / fall + 0.1, 0.01) if by_opening else (6.0, 0.1)
+    history = followed(fall, until, step, control)
+    assert history.ended == "broken"
+    assert history.messages[-1].startswith("broken at t = ")
+    loads = check_the_way(history, fall)
+    assert loads.max() == pytest.approx(STRENGTH, rel=1e-12)
+    assert loads[-1] == pytest.approx(0.0, abs=1e-12)
+    assert history["memory"][-1] == pytest.approx(0.5 * STRENGTH * (FIRST + STRENGTH / fall), rel=1e-12)
+    back = np.diff(history["top.u_y"][:-1]) < 0.0
+    assert back.any() == (fall > SPRING)
+    assert not history["jumped"].any()
+
+
+def test_while_nothing_dissipates_time_is_the_load_factor_and_then_energy_that_is_dissipated() -> None:
+    """At the rate 2 E/factor of the peak, E the energy of spring and glue: 2.4 (1/24 + 1/12) = 0.3."""
+    history = followed(6.0, 4.0, 0.1, "dissipation")
+    times = history.times
+    elastic = times <= STRENGTH * (1.0 + 1e-9)
+    np.testing.assert_allclose(history["load_factor"][elastic], times[elastic], atol=1e-12)
+    np.testing.assert_allclose(history["memory"][~elastic], 0.3 * (times[~elastic] - STRENGTH), atol=1e-12)
+
+
+def test_the_load_factor_of_a_moved_support_may_fall_as_well() -> None:
+    """The same column, its top moved by t: with a fall of 36 no time leads on where the spring has to go back."""
+    held = hv.Fixed(y=lambda x, t: np.full(len(x), t))
+    contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, 36.0, 72.0))
+    moved = Evolution(bodies.column(contact, stiffness=SPRING, top=held))
+    history = march(moved, 0.5, step=0.02, control="dissipation", controls=TIGHT)
+    opening = np.array([-frame.local[0, 0] for frame in history.frames])
+    carried = np.where(opening <= FIRST, STIFF * opening, 36.0 * (FIRST + STRENGTH / 36.0 - opening).clip(0.0))
+    np.testing.assert_allclose(history["load_factor"], opening + carried / SPRING, atol=1e-11)
+    assert (np.diff(history["load_factor"]) < -1e-6).sum() > 2
+
+
+def test_units_do_not_matter() -> None:
+    """In Pa and mm instead of MPa and m: the same factors, to rounding."""
+    found = []
+    for force in (1.0, 1e6):
+        glue = MixedMode(BilinearCohesion(2.4 * force, 0.3 * force, 24.0 * force), 1.0, hv.Compliance(72.0 * force))
+        pulled = bodies.column(
+            hv.Contact(glue), stiffness=SPRING * force, top=None,
+            tractions={"top": lambda x, t, force=force: np.tile([0.0, force * t], (len(x), 1))},
+        )  # fmt: skip
+        found.append(march(Evolution(pulled), 3.0, step=0.1, control="dissipation"))
+    np.testing.assert_allclose(found[0]["load_factor"], found[1]["load_factor"], rtol=1e-8, atol=1e-10)
+
+
+def test_a_march_that_goes_on_from_its_checkpoint_is_the_same(tmp_path: Path) -> None:
+    kept = {"checkpoint": Checkpoint(tmp_path / "run.ckpt", 0.0)}
+    whole = followed(36.0, 3.0, 0.1, "dissipation")
+    followed(36.0, 3.0, 0.1, "dissipation", max_time=0.05, **kept)
+    again = followed(36.0, 3.0, 0.1, "dissipation", resume=True, **kept)
+    for name in whole.columns:
+        np.testing.assert_array_equal(again[name], whole[name])
+
+
+def plain(**more: object) -> hv.ContactProblem:
+    contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, 6.0, 72.0))
+    return bodies.column(contact, top=None, tractions={"top": lifted}, **more)  # type: ignore[arg-type]
+
+
+CASES = {
+    "mass": (lambda: Evolution(plain(density=1.0), inertia=True), {}, "has mass"),
+    "viscosity": (lambda: Evolution(plain(viscosity=(1.0, 1.0))), {}, "has viscosity"),
+    "branches": (
+        lambda: Evolution(plain(branches=[hv.materials.Branch(lame=(1.0, 1.0), time=0.5)])),
+        {}, "branches of this one relax",
+    ),
+    "heat": (lambda: Evolution(plain(), heat=hv.mechanics.Heat(1.0, 1.0)), {}, "has heat"),
+    "scheme": (lambda: Evolution(plain()), {"scheme": "sdirk2"}, "goes with the scheme implicit-euler"),
+    "adaptive": (lambda: Evolution(plain()), {"step": AdaptiveStep(1e-3)}, "give a length of steps"),
+    "bent": (lambda: Evolution(column(6.0, lambda x, t: np.tile([0.0, t * t], (len(x), 1)))), {}, "no straight line"),
+    "constant": (lambda: Evolution(column(6.0, (0.0, 1.0))), {}, "grows with t"),
+    "damping": (
+        lambda: Evolution(bodies.column(
+            hv.Contact(hv.Compliance(1.0), damping=hv.Compliance(1.0)), top=None, tractions={"top": lifted}
+        )),
+        {}, "has a damping",
+    ),
+    "healing": (
+        lambda: Evolution(bodies.column(
+            hv.Contact(hv.Adhesive(STIFF, STRENGTH, 6.0, 72.0), memory=()), top=None, tractions={"top": lifted}
+        )),
+        {}, "nothing dissipates",
+    ),
+    "boundary": (lambda: Evolution(plain()), {"control": {"opening": "tip"}}, "tip"),
+    "word": (lambda: Evolution(plain()), {"control": "disipation"}, "give 'dissipation', or"),
+    "mapping": (lambda: Evolution(plain()), {"control": {"slip": "bottom"}}, "give 'dissipation', or"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_does_not_go_with_an_unknown_load_factor_is_refused_in_a_sentence(case: str) -> None:
+    made, more, said = CASES[case]
+    with pytest.raises(ProblemError, match=said):
+        march(made(), 1.0, **{"step": 0.1, "control": "dissipation"} | more)  # type: ignore[arg-type]
