@@ -9,7 +9,8 @@ body, and the rest into supports and contact points.  ``hierarchy_s`` covers mes
 and the blocks of the compiled kernels.  All seconds are those of the processor.
 ``linear_s`` is the body without its foundation by conjugate gradients around the multigrid cycle, to a relative
 residual of 1e-10.  Of ``--repeats`` runs the smallest times count, and ``ratio`` is all of the set-up over
-``linear_s``; ``first_ratio`` is the same of the first run, which also pays for fresh memory.  ``peak_mib`` is the
+``linear_s``; ``first_ratio`` is the same of the first run, which also pays for fresh memory: seconds of the operating
+system, up to three quarters of all on a virtual machine that has to get it first.  ``peak_mib`` is the
 memory of the process after the first run, ``base_mib`` that of its libraries.
 
 ``--library`` adds the time of the same stiffness by scikit-fem (``library_s``), measured after everything else.

@@ -83,11 +83,11 @@ def bolted(
 
 
 def test_where_newtons_equation_leads_astray_another_way_is_taken_at_once() -> None:
-    """The second equation makes |F| a hundred times larger; halving its step led nowhere in 200 cycles."""
+    """The second equation makes |F| many times larger; halving its step led nowhere in 200 cycles."""
     problem = bolted((15, 8, 2), (12, 6, 2), Coulomb(0.15), 4.0)
     found, reference = (hv.solve(problem, one, rtol=1e-8).raise_for_status() for one in ("multigrid", "newton"))
     assert found.fallbacks == 1
-    assert found.evaluations <= 130
+    assert found.evaluations <= 120
     assert found.energy < problem.energy(np.zeros(problem.unknowns))
     assert found.energy == pytest.approx(reference.energy, rel=1e-7)
 

@@ -67,17 +67,22 @@ def _ones(matrix: sp.csr_array) -> sp.csr_array:
 
 
 def _with_rows(matrix: sp.csr_array, rows: IntArray, changed: sp.csr_array) -> sp.csr_array:
-    """A matrix with others in the place of some of its rows (k,), zeros among their entries."""
-    counts = np.diff(matrix.indptr).astype(np.int64)
+    """A matrix with others in the place of some of its rows (k,), which rise, zeros among their entries."""
+    counts = np.diff(matrix.indptr)
     counts[rows] = np.diff(changed.indptr)
-    indptr = np.concatenate([[0], np.cumsum(counts)])
-    new = np.zeros(matrix.shape[0], dtype=bool)
-    new[rows] = True
-    there, before = np.repeat(new, counts), np.repeat(new, np.diff(matrix.indptr))
-    indices, data = np.empty(indptr[-1], dtype=matrix.indices.dtype), np.empty(indptr[-1])
-    indices[there], data[there] = changed.indices, changed.data
-    indices[~there], data[~there] = matrix.indices[~before], matrix.data[~before]
-    found = sp.csr_array((data, indices, indptr.astype(matrix.indptr.dtype)), shape=matrix.shape)
+    indptr = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    first = np.flatnonzero(np.diff(rows, prepend=-2) > 1)  # of rows that follow one another
+    last = np.append(first[1:], rows.size) - 1
+    ends = np.stack([matrix.indptr[rows[first]], matrix.indptr[rows[last] + 1]], axis=1).ravel()
+
+    def joined(old: Array, new: Array) -> Array:
+        parts = np.split(old, ends)
+        parts[1::2] = np.split(new, changed.indptr[first[1:]])
+        return np.concatenate(parts)
+
+    indices = joined(matrix.indices, changed.indices.astype(matrix.indices.dtype))
+    parts = joined(matrix.data, changed.data), indices, indptr.astype(matrix.indptr.dtype)
+    found = sp.csr_array(parts, shape=matrix.shape)
     found.has_canonical_format = True
     return found
 

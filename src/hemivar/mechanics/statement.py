@@ -545,9 +545,17 @@ class ContactProblem(PickleMixin, ReprMixin):
         contact = self.contact.get(name) if isinstance(name, str) else None
         if contact is None or contact.against is None:
             raise ProblemError(f"there is no contact of two bodies {quoted(name)}; name one with against=")
-        other = contact.against
-        if contact.slave:
-            return (name, other) if contact.slave == name else (other, name)
+        return self._pairs[name]
+
+    @cached_property
+    def _pairs(self) -> dict[str, tuple[str, str]]:
+        """:meth:`pair` of every contact of two bodies."""
+        return {name: self._paired(name, one.against) for name, one in self.contact.items() if one.against is not None}
+
+    def _paired(self, name: str, other: str) -> tuple[str, str]:
+        slave = self.contact[name].slave
+        if slave:
+            return (name, other) if slave == name else (other, name)
         held = np.zeros(self.mesh.number_of_nodes, dtype=bool)
         for support in self.supports:
             held[self.mesh.boundaries[support]] = True

@@ -46,9 +46,9 @@ _FIRST, _SETTLED = 0.1, 1e-3
 #: How much more may be left of |F| than of Newton's equation where F is straight.
 _STRAIGHT = 2.0
 #: Part of the load that a step of the fixed point leaves from where Newton's equation begins again.
-_ROUGH = 1e-3
+_ROUGH = 1e-2
 #: How often larger a whole step may make |F|: Newton's equation leads astray beyond that.
-_ASTRAY = 30.0
+_ASTRAY = 10.0
 #: Part of the tolerance to which it is solved at the least, and the tightest one, relative to the load.
 _AIM, _TIGHTEST = 0.1, 1e-13
 #: Part of the energy norm up to which states are the same.
