@@ -300,9 +300,10 @@ class SolveByMultigrid(SolveByCycles):
         """The cycle on a level, in single precision where that is compiled."""
         return partial(self._levels.fast_cycle, k)
 
-    def _cycle_on(self, k: int) -> Cycle:
+    def _cycle_on(self, k: int, truncated: Truncated | None = None) -> Cycle:
         """The same; in double precision where the body is hardly held."""
-        return lambda right: (self._levels.cycle if self.lowest < _SINGLE else self._levels.fast_cycle)(k, right)
+        levels = self._levels if truncated is None else truncated
+        return lambda right: (levels.cycle if self.lowest < _SINGLE else levels.fast_cycle)(k, right)
 
     @cached_property
     def _known(self) -> bool | None:
@@ -452,6 +453,7 @@ class SolveByMultigrid(SolveByCycles):
             parts.insert(0, sp.csr_array(parts[0] @ prolongation))
         truncated = Truncated(levels, self._top, vanishing=True)
         truncated.change(held[active], sp.csr_array((unknown.size, unknown.size)))
+        truncated.prepare()
         start = parts[0] @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal((levels.sizes[first], _BLOCK)))
         X, gap, added = np.zeros((levels.sizes[first], 0)), np.inf, 0.0
         for k, part, out in zip(range(first, self._top + 1), parts, rest, strict=True):
@@ -459,10 +461,11 @@ class SolveByMultigrid(SolveByCycles):
             fresh = np.asarray(part.T @ start[:, : _BLOCK if k == first else 1])  # what was left out comes in again
             fresh[out] = 0.0
             count = _BLOCK if self._cheap(k) or k == first else 1
-            X = np.hstack([X, _columns(partial(truncated.cycle, k), fresh)])
+            cycles = partial(_columns, self._cycle_on(k, truncated))
+            X = np.hstack([X, cycles(fresh)])
             subspace = Subspace(
                 truncated.matrix(k),
-                partial(_columns, partial(truncated.cycle, k)),
+                cycles,
                 part,
                 np.sign(weight),
                 X,
