@@ -431,3 +431,40 @@ def test_the_command_says_that_everything_is_carried(tmp_path: Path, capsys: pyt
     assert "carries the load up to the factor 1.5, the largest that was tried" in capsys.readouterr().out
     assert json.loads(out.read_text())["not_carried"] is None
     assert cli.main(["bracket", str(file), "--upto", "nan"]) == 2
+
+
+def test_a_column_carries_the_load_at_which_it_buckles() -> None:
+    """With stress stiffening: Euler's load, less the shear of a rectangle, lies in the bracket; tension has no end."""
+    young, length = 1000.0, 20.0
+    euler = np.pi**2 * young / 12.0 / (4.0 * length**2)
+    buckles = euler / (1.0 + euler / (5.0 / 6.0 * 0.5 * young))
+    column = hv.ContactProblem(
+        hv.rectangle((length, 1.0), (20, 1)), hv.Material.young(young, 0.0), {}, {"left": hv.Clamped()},
+        tractions={"right": (-0.4 * buckles, 1e-6)}, order=2, stiffening=True,
+    )  # fmt: skip
+    found = load_bracket(column, upto=5.0)
+    assert found.not_carried is not None
+    assert found.carried <= 2.5 <= 1.001 * found.not_carried
+    assert found.not_carried - found.carried <= 0.01 * found.not_carried
+    assert found.solution.displacement[:, 1].max() > 0.0
+    pulled = load_bracket(replace(column, tractions={"right": (0.4 * buckles, 1e-6)}), upto=5.0)
+    assert pulled.carried == 5.0
+
+
+@pytest.mark.slow
+def test_a_lap_joint_carries_more_than_small_strains_say() -> None:
+    """Epoxy of 0.2 mm between plates of aluminium: tension straightens the joint, and its peel falls."""
+    t, glue = 1.6, hv.laws.ModeDependentGlue(
+        35.0, 25.0, 21008.0, hv.laws.BenzeggaghKenane(0.5, 1.2, 2.0), 4596.0, hv.Compliance(21008.0)
+    )  # fmt: skip
+    upper = hv.rectangle((100.0, t), (80, 2)).marked({"overlap": "y < 1e-6 and x > 87.49"})
+    lower = hv.rectangle((100.0, t), (80, 2), origin=(87.5, -t)).marked({"overlap": "y > -1e-6 and x < 100.01"})
+    joint = hv.ContactProblem(
+        hv.Mesh.assembled({"upper": upper, "lower": lower}), hv.Material.young(70e3, 0.33),
+        {"upper:overlap": hv.Contact(glue, against="lower:overlap")},
+        {"upper:left": hv.Clamped(), "lower:right": hv.Fixed(y=0.0)},
+        tractions={"lower:right": (100.0 / t, 0.0)}, order=2,
+    )  # fmt: skip
+    small = load_bracket(joint, upto=4.0)
+    large = load_bracket(replace(joint, stiffening=True), upto=4.0)
+    assert 1.15 < large.carried / small.carried < 1.25

@@ -13,7 +13,7 @@ from hemivar.mechanics.statement import ContactProblem
 __all__ = ["Posable", "posed"]
 
 #: What can be done with a body that the stress of its load stiffens, under the names of functions.
-_STIFFENED = ("solve", "solve_nested", "run", "certify", "load_bracket", "condense")
+_STIFFENED = ("solve", "solve_nested", "run", "certify", "load_bracket")
 #: What a discrete problem can be made of.
 Posable = DiscreteProblem | ContactProblem | ManufacturedProblem
 
