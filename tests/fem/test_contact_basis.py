@@ -10,7 +10,8 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import selects
-from hemivar.fem.contact_basis import contact_shapes, seen_values
+from hemivar.fem.contact_basis import contact_shapes, lagrange_moments, seen_values
+from hemivar.fem.contact_points import shares
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.reactions import nodal_contact_forces
@@ -41,6 +42,9 @@ def test_integrals_of_the_functions_are_positive_and_values_of_linear_fields_sta
     shapes = contact_shapes(2, barycentric)
     np.testing.assert_allclose(weights @ shapes, [2 / 15] * 3 + [1 / 5] * 3, rtol=1e-13)
     np.testing.assert_allclose(shapes.sum(axis=1), 1.0, rtol=1e-13)
+    lagrange = hv.fem.elements.shape_values(2, barycentric)
+    np.testing.assert_allclose(weights @ lagrange, shares(2, 3), atol=1e-15)
+    np.testing.assert_allclose(lagrange_moments(weights @ shapes), weights @ lagrange, atol=1e-15)
     mesh = hv.box((1.0, 2.0, 3.0), 1)
     nodes = mesh.nodes(2)
     seen = seen_values(mesh, 2, np.arange(len(nodes)))
@@ -48,8 +52,7 @@ def test_integrals_of_the_functions_are_positive_and_values_of_linear_fields_sta
     # the field by its new values and functions is the field by its nodal values
     facet = mesh.facet_nodes(mesh.boundary_facets[:1], 2)[0]
     field = np.sin(3.0 * nodes[:, 0]) + nodes[:, 1] ** 2 - nodes[:, 2] ** 3
-    values = hv.fem.elements.shape_values(2, barycentric) @ field[facet]
-    np.testing.assert_allclose(shapes @ (seen @ field)[facet], values, rtol=1e-12)
+    np.testing.assert_allclose(shapes @ (seen @ field)[facet], lagrange @ field[facet], rtol=1e-12)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
