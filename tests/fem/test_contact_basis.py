@@ -177,3 +177,21 @@ def test_cycles_are_about_those_of_linear_elements_of_the_same_nodes() -> None:
         assert solution.status is hv.Status.CONVERGED
         counts.append(solution.evaluations)
     assert counts[0] <= 1.5 * counts[1]
+
+
+def test_a_curved_support_beside_contact_holds_middles_of_edges() -> None:
+    """Rollers along a curve hold ends and middle of an edge along different directions: no row sees the ends alone."""
+    flat = hv.box((1.0, 1.0, 1.0), (2, 4, 2))
+    points = flat.points.copy()
+    points[:, 0] -= 0.3 * np.cos(2.0 * (points[:, 1] - 0.5)) * (1.0 - points[:, 0])
+    mesh = hv.Mesh(points, flat.cells, flat.boundaries)
+    contact = {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(1.0))}
+    problem = hv.discretize(
+        hv.ContactProblem(
+            mesh, hv.Material.young(YOUNG, 0.3), contact, {"left": hv.Roller()}, tractions={"top": (3.0, 0.0, -10.0)},
+            order=2,
+        )
+    )  # fmt: skip
+    assert selects(problem.contact.trace)
+    one, other = (hv.solve(problem, name, controls=hv.Controls(rtol=1e-11)) for name in ("newton", "multigrid"))
+    np.testing.assert_allclose(one.unknowns, other.unknowns, atol=1e-8 * np.abs(one.unknowns).max())
