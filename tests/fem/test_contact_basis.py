@@ -195,3 +195,18 @@ def test_a_curved_support_beside_contact_holds_middles_of_edges() -> None:
     assert selects(problem.contact.trace)
     one, other = (hv.solve(problem, name, controls=hv.Controls(rtol=1e-11)) for name in ("newton", "multigrid"))
     np.testing.assert_allclose(one.unknowns, other.unknowns, atol=1e-8 * np.abs(one.unknowns).max())
+
+
+@pytest.mark.parametrize("slave", ["u:bottom", "l:top"])
+def test_jumps_in_a_circle_leave_all_others_selected(slave: str) -> None:
+    """A foundation on the master takes unknowns at the joint; the few jumps that then see one another stay means."""
+    mesh, rigid = hv.Mesh.assembled({
+        "u": hv.box((1.0, 1.0, 1.0), (2, 3, 1), origin=(0.0, 0.0, 1.0)),
+        "l": hv.box((1.0, 1.0, 1.0), (3, 2, 1)),
+    }), hv.Signorini()  # fmt: skip
+    contact = {"u:bottom": hv.Contact(rigid, against="l:top", slave=slave), "l:left": hv.Contact(hv.Compliance(100.0))}
+    contact |= {"u:left": hv.Contact(rigid), "l:bottom": hv.Contact(rigid)}
+    held = {"u:front": hv.Roller(), "l:front": hv.Roller(), "u:right": hv.Clamped()}
+    problem = hv.ContactProblem(mesh, hv.Material.young(YOUNG, 0.3), contact, held, order=2)
+    trace = hv.discretize(problem).contact.trace
+    assert np.count_nonzero(np.diff(trace.indptr) > 1) <= 5
