@@ -10,7 +10,8 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete.contact import selects
-from hemivar.fem.contact_basis import contact_shapes, seen_values
+from hemivar.fem.contact_basis import contact_shapes, lagrange_moments, seen_values
+from hemivar.fem.contact_points import shares
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.reactions import nodal_contact_forces
@@ -41,6 +42,9 @@ def test_integrals_of_the_functions_are_positive_and_values_of_linear_fields_sta
     shapes = contact_shapes(2, barycentric)
     np.testing.assert_allclose(weights @ shapes, [2 / 15] * 3 + [1 / 5] * 3, rtol=1e-13)
     np.testing.assert_allclose(shapes.sum(axis=1), 1.0, rtol=1e-13)
+    lagrange = hv.fem.elements.shape_values(2, barycentric)
+    np.testing.assert_allclose(weights @ lagrange, shares(2, 3), atol=1e-15)
+    np.testing.assert_allclose(lagrange_moments(weights @ shapes), weights @ lagrange, atol=1e-15)
     mesh = hv.box((1.0, 2.0, 3.0), 1)
     nodes = mesh.nodes(2)
     seen = seen_values(mesh, 2, np.arange(len(nodes)))
@@ -48,8 +52,7 @@ def test_integrals_of_the_functions_are_positive_and_values_of_linear_fields_sta
     # the field by its new values and functions is the field by its nodal values
     facet = mesh.facet_nodes(mesh.boundary_facets[:1], 2)[0]
     field = np.sin(3.0 * nodes[:, 0]) + nodes[:, 1] ** 2 - nodes[:, 2] ** 3
-    values = hv.fem.elements.shape_values(2, barycentric) @ field[facet]
-    np.testing.assert_allclose(shapes @ (seen @ field)[facet], values, rtol=1e-12)
+    np.testing.assert_allclose(shapes @ (seen @ field)[facet], lagrange @ field[facet], rtol=1e-12)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
@@ -174,3 +177,36 @@ def test_cycles_are_about_those_of_linear_elements_of_the_same_nodes() -> None:
         assert solution.status is hv.Status.CONVERGED
         counts.append(solution.evaluations)
     assert counts[0] <= 1.5 * counts[1]
+
+
+def test_a_curved_support_beside_contact_holds_middles_of_edges() -> None:
+    """Rollers along a curve hold ends and middle of an edge along different directions: no row sees the ends alone."""
+    flat = hv.box((1.0, 1.0, 1.0), (2, 4, 2))
+    points = flat.points.copy()
+    points[:, 0] -= 0.3 * np.cos(2.0 * (points[:, 1] - 0.5)) * (1.0 - points[:, 0])
+    mesh = hv.Mesh(points, flat.cells, flat.boundaries)
+    contact = {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(1.0))}
+    problem = hv.discretize(
+        hv.ContactProblem(
+            mesh, hv.Material.young(YOUNG, 0.3), contact, {"left": hv.Roller()}, tractions={"top": (3.0, 0.0, -10.0)},
+            order=2,
+        )
+    )  # fmt: skip
+    assert selects(problem.contact.trace)
+    one, other = (hv.solve(problem, name, controls=hv.Controls(rtol=1e-11)) for name in ("newton", "multigrid"))
+    np.testing.assert_allclose(one.unknowns, other.unknowns, atol=1e-8 * np.abs(one.unknowns).max())
+
+
+@pytest.mark.parametrize("slave", ["u:bottom", "l:top"])
+def test_jumps_in_a_circle_leave_all_others_selected(slave: str) -> None:
+    """A foundation on the master takes unknowns at the joint; the few jumps that then see one another stay means."""
+    mesh, rigid = hv.Mesh.assembled({
+        "u": hv.box((1.0, 1.0, 1.0), (2, 3, 1), origin=(0.0, 0.0, 1.0)),
+        "l": hv.box((1.0, 1.0, 1.0), (3, 2, 1)),
+    }), hv.Signorini()  # fmt: skip
+    contact = {"u:bottom": hv.Contact(rigid, against="l:top", slave=slave), "l:left": hv.Contact(hv.Compliance(100.0))}
+    contact |= {"u:left": hv.Contact(rigid), "l:bottom": hv.Contact(rigid)}
+    held = {"u:front": hv.Roller(), "l:front": hv.Roller(), "u:right": hv.Clamped()}
+    problem = hv.ContactProblem(mesh, hv.Material.young(YOUNG, 0.3), contact, held, order=2)
+    trace = hv.discretize(problem).contact.trace
+    assert np.count_nonzero(np.diff(trace.indptr) > 1) <= 5

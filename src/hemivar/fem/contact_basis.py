@@ -16,7 +16,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.fem.elements import shape_values
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["contact_shapes", "nodal_values", "seen_values"]
+__all__ = ["contact_shapes", "lagrange_moments", "nodal_values", "seen_values"]
 
 #: With it the weight of a corner is 2/15 of the triangle, and that of a middle 1/5.
 _ALPHA = 0.2
@@ -36,6 +36,11 @@ def contact_shapes(order: int, barycentric: Array) -> Array:
     """
     shapes = shape_values(order, barycentric)
     return shapes @ _CHANGE.T if shapes.shape[-1] == len(_CHANGE) else shapes
+
+
+def lagrange_moments(moments: Array) -> Array:
+    """Integrals against the functions of Lagrange by those against these functions, (..., L)."""
+    return moments @ np.linalg.inv(_CHANGE).T if moments.shape[-1] == len(_CHANGE) else moments
 
 
 def nodal_values(mesh: Mesh, order: int, nodes: IntArray, seen: Array) -> Array:

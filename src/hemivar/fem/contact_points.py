@@ -13,7 +13,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
-from hemivar.fem.bulge import arcs_of_pair
+from hemivar.fem.bulge import arcs_of_pair, bulge
 from hemivar.fem.contact_basis import seen_values
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
@@ -25,7 +25,7 @@ from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import obstacle_contact
-from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
 
 __all__ = [
     "BoundaryContact",
@@ -116,7 +116,8 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         _refuse_beyond(gap, f"gap of contact '{name}'", "unit of length")
     else:
         assert contact.normals is not None
-        normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
+        places = points + _to_arcs(problem, name, nodes)
+        normal, gap = obstacle_contact(contact.obstacle, contact.normals, places, normal, f"contact '{name}'")
         meets = np.isfinite(gap)
         if not meets.all():
             with error_context(f"contact '{name}'", contact.normal, contact.friction):
@@ -136,6 +137,15 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     found = ContactPoints(trace, weights, points, frames, nodes, facet, boundary, names, mean=average)
     with error_context(f"contact '{name}'", contact.normal, contact.friction):
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
+
+
+def _to_arcs(problem: ContactProblem, name: str, nodes: IntArray) -> Array:
+    """Ways (k, d) from nodes to the arcs that the facets of a boundary stand for, of quadratic tetrahedra."""
+    mesh, found = problem.mesh, np.zeros((len(nodes), problem.mesh.dim))
+    if problem.order == 2 and mesh.dim == 3 and problem.geometry is Geometry.CURVED:
+        members = mesh.facet_nodes(mesh.boundaries[name], 2)
+        found[np.searchsorted(nodes, members)] = bulge(mesh, name).arcs
+    return found
 
 
 def _held_alone(average: sp.csr_array, nodes: IntArray, frames: Array, supports: Supports) -> BoolArray:

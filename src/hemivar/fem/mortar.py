@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.contact_basis import contact_shapes
+from hemivar.fem.contact_basis import contact_shapes, lagrange_moments
 from hemivar.fem.elements import shape_values
 from hemivar.fem.pairing import Pairing
 from hemivar.fem.quadrature import quadrature_rule
@@ -98,22 +98,20 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     slave, master = pieces.facets
     own, other = mesh.facet_nodes(slave, order), mesh.facet_nodes(master, order)
     rule = _integration(mesh, order, pieces, ring)
-    phi, weight = contact_shapes(order, rule.on_slave), rule.weight
-    fields, across = shape_values(order, rule.on_slave), shape_values(order, rule.on_master)
+    phi, across, weight = contact_shapes(order, rule.on_slave), shape_values(order, rule.on_master), rule.weight
     size = own.shape[1]
     mass = np.zeros((len(slave), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
     none, count = weightless(mesh, slave, order, ring), len(mesh.nodes(order))
     around = np.bincount(own.ravel(), facet_shares(mesh, slave, order, ring).ravel(), count)
-    none |= np.bincount(own.ravel(), mass.sum(axis=2).ravel(), count) <= _COVERED * around
-    without, seen = without | none[own], np.flatnonzero(pieces.touches)
+    seen = np.flatnonzero(pieces.touches)
+    none |= np.bincount(own[seen].ravel(), mass[seen].sum(axis=2).ravel(), count) <= _COVERED * around
+    without = without | none[own]
     dual = np.zeros_like(mass)
     dual[seen] = _dual(mass[seen], without[seen])
     # coupling of psi with the slave's and the master's shape functions
-    psi = np.einsum("kij,kqj->kqi", dual[pieces.slave], phi)
-    here = np.zeros_like(mass)
-    np.add.at(here, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, psi, fields))
-    there = np.einsum("kq,kqi,kql->kil", weight, psi, across)
+    here = lagrange_moments(np.einsum("fij,fjk->fik", dual, mass))
+    there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("kq,kqi,kql->kil", weight, phi, across))
     matrix = _assembled(own, own, here, count) - _assembled(own[pieces.slave], other[pieces.master], there, count)
     weights: Array = np.bincount(own.ravel(), here.sum(axis=2).ravel(), count).astype(float)
     nodes = np.flatnonzero(~none & (weights > _COVERED * around))
@@ -121,6 +119,7 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
     rows.eliminate_zeros()
     turned = _turned(mesh, pieces)
+    psi = np.einsum("kij,kqj->kqi", dual[pieces.slave], phi)
     coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master), rule, psi)
     return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned, coupling, pieces)
 

@@ -95,10 +95,18 @@ def jump_unknowns(trace: sp.csr_array, own: IntArray, node: IntArray) -> JumpUnk
 
     Each comes in the place of an unknown of its own node, or of one of the master where another jump has taken that.
 
+    Where jumps of the latter kind see one another in a circle they stay means of several unknowns.
+
     Shapes: ``trace`` (k, n), ``own`` (k,), ``node`` (n,). Returned: none if bodies are slaves of one another in a
     circle.
     """
-    pivot = _pivots(trace, own, node)
+    at_own, local = _own_pivots(trace, own, node)
+    found = _changed(trace, _elsewhere(at_own, trace, ~local, node), node)
+    return _changed(trace, at_own, node) if found is None else found
+
+
+def _changed(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> JumpUnknowns | None:
+    """The change to jumps in the place of unknowns (k,), -1 for none; none where they see one another in a circle."""
     rows = np.flatnonzero(pivot >= 0)
     rows = rows[np.argsort(pivot[rows])]
     jumps, n = pivot[rows], trace.shape[1]
@@ -131,8 +139,8 @@ def _slots(node: IntArray) -> tuple[IntArray, IntArray]:
     return place, slot
 
 
-def _pivots(trace: sp.csr_array, own: IntArray, node: IntArray) -> IntArray:
-    """The unknown (k,) of its own node in whose place each jump comes, -1 for those that find none."""
+def _own_pivots(trace: sp.csr_array, own: IntArray, node: IntArray) -> tuple[IntArray, BoolArray]:
+    """The unknown (k,) of its own node in whose place each jump comes, -1 for those that find none; its entries."""
     place, slot = _slots(own)
     first, entries = np.searchsorted(node, own), trace.tocoo()
     local = node[entries.col] == own[entries.row]
@@ -140,7 +148,7 @@ def _pivots(trace: sp.csr_array, own: IntArray, node: IntArray) -> IntArray:
     blocks = np.zeros((int(place.max(initial=-1)) + 1, int(slot.max(initial=-1)) + 1, 3))
     blocks[place[row], slot[row], column - first[row]] = entries.data[local]
     picked = _picked(blocks)[place, slot]
-    return _elsewhere(np.where(picked < 0, -1, first + picked), trace, ~local, node)
+    return np.where(picked < 0, -1, first + picked), local
 
 
 def _elsewhere(pivot: IntArray, trace: sp.csr_array, elsewhere: BoolArray, node: IntArray) -> IntArray:

@@ -208,7 +208,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             '`"as-meshed"`: the body is the polygon or polyhedron of the mesh, so that bounds of the distance to the '
             "exact solution hold for it, and the distance of two bodies is that of their facets; "
             '`"curved"`: facets that follow each other at small angles stand for a curve, bounds are estimates, and '
-            "that distance is that of arcs through the nodes",
+            "that distance is that of arcs through the nodes, as is that of quadratic tetrahedra from an obstacle",
             choices=tuple(Geometry), table="mesh",
         ),
     )  # fmt: skip

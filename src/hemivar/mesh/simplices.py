@@ -319,4 +319,4 @@ def _notes(raw: RawMesh, dim: int, origin: IntArray, order: int, cut: bool, off:
                 have = "have" if off <= _STRAIGHT else "were given"
                 yield f"{many} {shape.plural} of second order {have} straight edges: order = 2 unless another is given"
                 if off > _STRAIGHT:
-                    yield f"middles of edges moved by up to {off:.1%} of the length; order = 1 cuts the edges there"
+                    yield f"middles of edges moved by up to {off:.2g} of the length; order = 1 cuts the edges there"
