@@ -25,6 +25,9 @@ _ROOT = 1.18 * 2.0 * (1.0 + POISSON)
 CHI = np.sqrt(2.0 * (1.0 + POISSON) / 11.0 * (3.0 - 2.0 * (_ROOT / (1.0 + _ROOT)) ** 2))
 CELLS = 120
 STIFF = 1e6
+#: Strength in shear over that in opening. A point keeps the mode in which its damage began, ahead of the crack: with
+#: less strength in shear that is more of mode II than the crack has, and more energy; 2.5 make loads 3.4 % too high.
+STRONGER = 8.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,8 @@ class Bending:
 
     def problem(self, strength: float) -> hv.ContactProblem:
         glue = ModeDependentGlue(
-            strength, 2.5 * strength, STIFF, BenzeggaghKenane(OPENING, SHEAR, EXPONENT), compression=hv.Compliance(STIFF)
+            strength, STRONGER * strength, STIFF, BenzeggaghKenane(OPENING, SHEAR, EXPONENT),
+            compression=hv.Compliance(STIFF),
         )  # fmt: skip
         cell, size = 2.0 * HALF / CELLS, (2.0 * HALF, HEIGHT)
         parts = {}
@@ -136,7 +140,8 @@ def test_load_and_opening_are_those_of_corrected_beam_theory(mode: float) -> Non
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_stronger_layer_is_nearer_to_a_crack_without_a_process_zone(mode: float) -> None:
-    assert marched(mode, 30.0)["load_factor"].max() < marched(mode, 60.0)["load_factor"].max() < 1.0
+    weak, strong = (30.0, 60.0) if mode == 1.0 else (60.0, 120.0)  # in shear 320 leave a zone of less than a cell
+    assert marched(mode, weak)["load_factor"].max() < marched(mode, strong)["load_factor"].max() < 1.0
 
 
 @pytest.mark.parametrize("mode", MODES)
