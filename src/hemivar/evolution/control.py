@@ -340,7 +340,7 @@ class ControlledStepper(TimeStepper):
             size = max((float(np.abs(part).max(initial=0.0)) for part in (one, two, three)), default=0.0)
             if np.abs(one - 2.0 * two + three).max(initial=0.0) > 1e-9 * size:
                 raise ProblemError(
-                    "control = ... takes t for the load factor, and a load, support or gap is no straight line in t; "
+                    "control = ... takes t for the load factor, and a load, support or gap bends over t; "
                     "state it as a multiple of t"
                 )
             grows = grows or bool(np.abs(three - one).max(initial=0.0) > 0.0)
