@@ -1,8 +1,9 @@
 """Delamination under dead loads, through its peak: corrected beam theory, the J integral and the energy by hand.
 
 Two arms of 3 mm (MPa, mm, N/mm of width) are glued from the crack on and clamped at the far end.  Their ends are pulled
-apart (double cantilever), bent together with a dead load at the middle (end-notched flexure), or both, as by
+apart (double cantilever), bent together with a dead load at the middle (end-notched flexure), or both at once, as by
 the lever of mixed-mode bending.  Lengths of the crack are corrected after Hashemi, Kinloch and Williams.
+"""
 
 from __future__ import annotations
 
