@@ -146,12 +146,15 @@ def test_a_stronger_layer_is_nearer_to_a_crack_without_a_process_zone(mode: floa
 
 @pytest.mark.parametrize("mode", MODES)
 def test_what_the_glue_has_dissipated_is_what_forces_and_displacements_say(mode: float) -> None:
-    """From one equilibrium to the next, F_0 u_1/2 - F_1 u_0/2 on straight lines between them."""
+    """From one equilibrium to the next, F_0 u_1/2 - F_1 u_0/2 on straight lines between them.
+
+    These lines cut the peaks of points that soften in a step: at most 1.2 %, and 0.44 % with steps half as long.
+    """
     found, forces = marched(mode, 60.0), Bending(mode).forces
     moved = np.stack([found[f"{name}.u_y"] for name in ("upper", "lower", "middle")], axis=1) @ forces
     factor = found["load_factor"]
     lost = 0.5 * (factor[:-1] * moved[1:] - factor[1:] * moved[:-1]).sum()
-    assert found["memory"][-1] == pytest.approx(lost, rel=0.01)
+    assert found["memory"][-1] == pytest.approx(lost, rel=0.015)
 
 
 @pytest.mark.parametrize("mode", MODES)
