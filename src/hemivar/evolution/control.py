@@ -70,7 +70,7 @@ _OUTWARD = (1e-6, 1e-3)
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
 _LEAST, _MOST = 0.5, 2.5
 #: Part of the largest change of the load factor at which a joint counts as broken.
-BROKEN = 1e-2
+_BROKEN = 1e-2
 
 
 @dataclass(frozen=True)
@@ -368,7 +368,7 @@ class ControlledStepper(TimeStepper):
     def broken(self, state: TimeState) -> bool:
         """Whether the load factor has fallen to next to nothing of its largest one."""
         known = self.known(state)
-        return known.spent > 0.0 and abs(known.factor - self.span[0]) <= BROKEN * known.largest
+        return known.spent > 0.0 and abs(known.factor - self.span[0]) <= _BROKEN * known.largest
 
     # ---- a step ----------------------------------------------------------------------------------------------
 
