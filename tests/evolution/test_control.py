@@ -58,20 +58,28 @@ def test_a_dead_load_on_a_spring_is_followed_until_the_glue_has_broken(fall: flo
     assert history.messages[-1].startswith("broken at t = ")
     loads = check_the_way(history, fall)
     assert loads.max() == pytest.approx(STRENGTH, rel=1e-12)
-    assert loads[-1] == pytest.approx(0.0, abs=1e-12)
-    assert history["memory"][-1] == pytest.approx(0.5 * STRENGTH * (FIRST + STRENGTH / fall), rel=1e-12)
+    assert loads[-1] <= 0.01 * STRENGTH
+    assert history["memory"][-1] == pytest.approx(0.5 * STRENGTH * (FIRST + STRENGTH / fall), rel=0.01)
     back = np.diff(history["top.u_y"][:-1]) < 0.0
     assert back.any() == (fall > SPRING)
     assert not history["jumped"].any()
 
 
-def test_while_nothing_dissipates_time_is_the_load_factor_and_then_energy_that_is_dissipated() -> None:
-    """At the rate 2 E/factor of the peak, E the energy of spring and glue: 2.4 (1/24 + 1/12) = 0.3."""
-    history = followed(6.0, 4.0, 0.1, "dissipation")
-    times = history.times
+@pytest.mark.parametrize(("fall", "dissipates"), [(1.0, 0.3), (6.0, 0.25), (36.0, 1.0 / 12.0)])
+def test_while_nothing_dissipates_time_is_the_load_factor_and_then_energy_or_a_load_that_falls(
+    fall: float, dissipates: float
+) -> None:
+    """At the rate 2 E/factor of the peak, E the energy of spring and glue: 2.4 (1/24 + 1/12) = 0.3.
+
+    Or as the load falls with the time, where that is less: of the energy 2.4 (0.1 + 2.4/fall)/2 that part.
+    """
+    history = followed(fall, 4.0, 0.1, "dissipation")
+    times, loads = history.times, history["load_factor"]
     elastic = times <= STRENGTH * (1.0 + 1e-9)
-    np.testing.assert_allclose(history["load_factor"][elastic], times[elastic], atol=1e-12)
-    np.testing.assert_allclose(history["memory"][~elastic], 0.3 * (times[~elastic] - STRENGTH), atol=1e-12)
+    np.testing.assert_allclose(loads[elastic], times[elastic], atol=1e-12)
+    energy = 0.5 * STRENGTH * (FIRST + STRENGTH / fall)
+    assert min(0.3, energy / STRENGTH) == pytest.approx(dissipates)
+    np.testing.assert_allclose(history["memory"][~elastic], dissipates * (times[~elastic] - STRENGTH), rtol=1e-9)
 
 
 def test_the_load_factor_of_a_moved_support_may_fall_as_well() -> None:
@@ -123,7 +131,7 @@ CASES = {
     "heat": (lambda: Evolution(plain(), heat=hv.mechanics.Heat(1.0, 1.0)), {}, "has heat"),
     "scheme": (lambda: Evolution(plain()), {"scheme": "sdirk2"}, "goes with the scheme implicit-euler"),
     "adaptive": (lambda: Evolution(plain()), {"step": AdaptiveStep(1e-3)}, "give a length of steps"),
-    "bent": (lambda: Evolution(column(6.0, lambda x, t: np.tile([0.0, t * t], (len(x), 1)))), {}, "no straight line"),
+    "bent": (lambda: Evolution(column(6.0, lambda x, t: np.tile([0.0, t * t], (len(x), 1)))), {}, "bends over t"),
     "constant": (lambda: Evolution(column(6.0, (0.0, 1.0))), {}, "grows with t"),
     "damping": (
         lambda: Evolution(bodies.column(

@@ -14,7 +14,8 @@ in Minty's chart of the laws, ``p = a r + lam``, by Newton's method for p and th
 * of an opening the largest one of a boundary.
 
 The time of such a march is no physical one.  While nothing dissipates it runs as the load factor does. From there on
-energy is dissipated at the rate at which the load was storing it, twice: ``2 E/factor``.  With an opening it is that.
+energy is dissipated at the rate at which the load was storing it, twice: ``2 E/factor``; or more slowly where the load
+factor falls or rises faster than time.  With an opening time is that.
 """
 
 from __future__ import annotations
@@ -60,14 +61,16 @@ _HELD = 1e-12
 _NOTHING = 1e-9
 #: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
 _AHEAD, _MORE = 4.0, 1.0 + 1e-6
-#: Part of its pace that a step which goes by the load dissipates at most.
-_BY_LOAD = 0.99
+#: By how much the load factor may fall in a step, in units of its length, and how often a step is cut for that.
+_FALLS, _CUTS = 1.1, 4
+#: Part of a step by which its load factor may miss it and be given.
+_SAME = 1e-9
 #: How far pairs are taken outward for a guess.
 _OUTWARD = (1e-6, 1e-3)
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
 _LEAST, _MOST = 0.5, 2.5
 #: Part of the largest change of the load factor at which a joint counts as broken.
-BROKEN = 1e-2
+_BROKEN = 1e-2
 
 
 @dataclass(frozen=True)
@@ -340,7 +343,7 @@ class ControlledStepper(TimeStepper):
             size = max((float(np.abs(part).max(initial=0.0)) for part in (one, two, three)), default=0.0)
             if np.abs(one - 2.0 * two + three).max(initial=0.0) > 1e-9 * size:
                 raise ProblemError(
-                    "control = ... takes t for the load factor, and a load, support or gap is no straight line in t; "
+                    "control = ... takes t for the load factor, and a load, support or gap bends over t; "
                     "state it as a multiple of t"
                 )
             grows = grows or bool(np.abs(three - one).max(initial=0.0) > 0.0)
@@ -365,7 +368,7 @@ class ControlledStepper(TimeStepper):
     def broken(self, state: TimeState) -> bool:
         """Whether the load factor has fallen to next to nothing of its largest one."""
         known = self.known(state)
-        return known.spent > 0.0 and abs(known.factor - self.span[0]) <= BROKEN * known.largest
+        return known.spent > 0.0 and abs(known.factor - self.span[0]) <= _BROKEN * known.largest
 
     # ---- a step ----------------------------------------------------------------------------------------------
 
@@ -449,28 +452,44 @@ class ControlledStepper(TimeStepper):
             found = frozen.solved(on, border)
             return frozen.solved(frozen.start, border) if found is None else found
         goal = known.pace * step
-        if known.spent > _BY_LOAD * known.pace * known.step > 0.0:  # the last one went by what is dissipated
-            found = self._dissipating(frozen, goal, way, known.spent)
+        by_load = abs(known.moved - known.step) <= _SAME * known.step
+        if known.spent > 0.0 and not by_load:
+            found = self._dissipating(frozen, goal, step, way, known.spent)
             if found is not None and found.factor <= known.factor + step:
                 return found
         load = frozen.load(known.factor + step)
         loaded = frozen.solved(on, load) or frozen.solved(frozen.start, load)
         if loaded is None:
-            return self._dissipating(frozen, goal) if known.pace else None
+            return self._dissipating(frozen, goal, step) if known.pace else None
         spent = frozen.spent(loaded)
         if spent <= _MORE * goal or not known.pace:
             return loaded
         way = loaded.r - frozen.start.r, loaded.lam - frozen.start.lam, loaded.factor - frozen.start.factor
-        return self._dissipating(frozen, goal, way, spent)
+        return self._dissipating(frozen, goal, step, way, spent)
 
     def _dissipating(
-        self, frozen: _FrozenStep, goal: float, way: tuple[Array, Array, float] | None = None, spent: float = 1.0
+        self,
+        frozen: _FrozenStep,
+        goal: float,
+        step: float,
+        way: tuple[Array, Array, float] | None = None,
+        spent: float = 1.0,
     ) -> _Pair | None:
-        """The equilibrium at which that is dissipated; sought along a way on which so much was, and at the start."""
-        guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
-        border = frozen.dissipation(goal)
-        found = (frozen.solved(guess, border) for guess in (*guesses, *map(frozen.outward, _OUTWARD)))
-        return next((pair for pair in found if pair is not None), None)
+        """The equilibrium at which that is dissipated, or less where the load factor falls by more than the step.
+
+        It is sought along a way on which so much was dissipated, and at the start.
+        """
+        found = None
+        for _ in range(_CUTS):
+            guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
+            border, guesses = frozen.dissipation(goal), [*guesses, *map(frozen.outward, _OUTWARD)]
+            pairs = (frozen.solved(guess, border) for guess in guesses)
+            found = next((pair for pair in pairs if pair is not None), None)
+            fall = 0.0 if found is None else frozen.start.factor - found.factor
+            if fall <= _FALLS * step:
+                break
+            goal *= step / fall
+        return found
 
     def _solved_stage(self, stage: Stage, before: TimeState, pair: _Pair | None, most: float) -> SolvedStage:
         """A pair as the solution of its stage; where there is none the state before, which solves nothing.
