@@ -81,7 +81,9 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
         yield "time", ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
     law = solution.problem.law
     bound, whole = solution.problem.vectors.largest(float(law.state_dependent), float(law.depends_on_whole_state))
-    fixed = ", with the mode of the glue held fixed" if whole else ", with the friction bound held fixed" if bound else ""
+    fixed = (
+        ", with the mode of the glue held fixed" if whole else ", with the friction bound held fixed" if bound else ""
+    )
     yield "energy", _with(f"{solution.energy:.10g}", units.energy) + fixed
     if solution.deformation is not None:
         yield "largest", solution.deformation.sizes

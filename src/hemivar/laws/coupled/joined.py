@@ -53,8 +53,7 @@ def _whether(question: str) -> property:
 
 @dataclass(frozen=True, eq=False)
 class JoinedLaw(VectorLaw):
-    """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once.
-    """
+    """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once."""
 
     parts: tuple[VectorLaw, ...]
     indices: tuple[IntArray, ...]
@@ -256,7 +255,9 @@ class _JoinedChart(Chart):
 
     def _asked(self, question: str, *given: object) -> list[Any]:
         """The answers of the parts of their own points."""
-        return [getattr(part, question)(*own) for part, (_, own) in zip(self.parts, _given(self.law, given), strict=True)]
+        return [
+            getattr(part, question)(*own) for part, (_, own) in zip(self.parts, _given(self.law, given), strict=True)
+        ]
 
     def at(self, p: Array, near: Array | None = None) -> OnGraph:
         return self.law._pairs(self._asked("at", p, near))
