@@ -70,6 +70,7 @@ def test_a_point_that_is_pulled_through_a_spring_carries_its_strength(softening:
     opening = found.carried / 24.0
     np.testing.assert_allclose(found.solution.unknowns, [opening + found.carried / 12.0, opening], rtol=1e-6)
     assert found.fold == pytest.approx(2.4, rel=1e-8)
+    assert found.ended is Status.NOT_CARRIED
     assert str(found).endswith(f"{found.not_carried:.4g} is not carried: the path folds at 2.4")
 
 

@@ -110,6 +110,8 @@ def test_at_a_fixed_mode_the_point_is_one_of_rho(degrees: float, two: bool) -> N
     secant = alpha * (last - far) / far
     np.testing.assert_allclose(rho, [0.0, far, 0.5 * far, far, 1.1 * last], atol=2e-9)
     assert secant == pytest.approx(history.frames[2].memory["0.stiffness"][0], rel=1e-7)
+    kept = 1.0 - secant / 24.0  # closing heals nothing
+    np.testing.assert_allclose(history.damage[:, 0], [0.0, kept, kept, kept, 1.0], atol=1e-7)
     assert history["memory"][-1] == pytest.approx(
         weight * 0.5 * 24.0 * first * last, rel=1e-9
     )  # the energy of the mode

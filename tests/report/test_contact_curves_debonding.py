@@ -29,6 +29,20 @@ def glued() -> hv.ContactProblem:
     )
 
 
+def test_damage_is_drawn_and_the_pull_of_glue_is_peel() -> None:
+    """The largest pull of a block that hangs on glue alone, with a panel for its damage."""
+    mesh = hv.rectangle((1.0, 0.5), (8, 4))
+    contact = {"bottom": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFFNESS), RATIO))}
+    hanging = hv.ContactProblem(mesh, hv.Material.young(3000.0, 0.3), contact, body_force=(0.0, STRENGTH))
+    solution = hv.solve(hanging).raise_for_status()
+    assert (solution.pressure < 0.0).all()
+    rows = dict(solution.summary().rows)
+    assert float(rows["max peel"]) == pytest.approx(-solution.pressure.min(), rel=1e-5)
+    assert "max pressure" not in rows
+    figure = hv.report.plot_contact(hv.solve(glued()))
+    assert [panel.get_ylabel() for panel in figure.axes if "damage" in panel.get_ylabel()] == ["damage"]
+
+
 def test_results_say_it(tmp_path: Path) -> None:
     solution = hv.solve(glued())
     found = solution.debonding

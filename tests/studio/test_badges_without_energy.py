@@ -59,3 +59,7 @@ def test_glue_with_the_mode_of_the_solution_has_no_energy() -> None:
     certificate = solution.certify()
     assert not certificate.kind.has_energy
     assert "minimiser" not in f"{certificate.brief()} {badge_of(certificate)}"
+    assert badge_of(certificate)[:2] == ("fair", "an equilibrium")
+    words = said(solution)
+    assert FIXED not in words
+    assert "energy has no minimum" not in words

@@ -87,7 +87,8 @@ class LoadBracket:
         The largest load factor that was asked for.
     ended : Status
         How the last search ended: CONVERGED where ``upto`` is carried, NOT_CARRIED where a fold lies below
-        ``not_carried``, else how the iteration there failed, which is UNBOUNDED where the body ran away. After MAX_TIME, INTERRUPTED or OUT_OF_MEMORY the bracket may be wider.
+        ``not_carried``, else how the iteration there failed, which is UNBOUNDED where the body ran away. After
+        MAX_TIME, INTERRUPTED or OUT_OF_MEMORY the bracket may be wider.
     tried : int
         Load factors that were tried.
     fold : float or None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -49,7 +49,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
         limits += [hold.limit] if hold.limit else []
         balanced += [] if hold.balanced is None else [hold.balanced]
     friction = (BY_FRICTION if one else AT_LIMIT for one in balanced)
-    problem = problem.fitted(warnings=tuple(dict.fromkeys((*problem.warnings, *friction))))
+    problem = problem.fitted(warnings=tuple(dict.fromkeys((*problem.warnings, *friction, *open_glue(problem)))))
     limit = NO_MINIMUM if NO_MINIMUM in limits else next(iter(limits), None)
     return problem.known_to_be_held(limit, idle, any(balanced) if balanced else None)
 
@@ -115,7 +115,9 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
         along = [int(k) for k in group.parts[np.abs(moved).max(axis=1) > _STILL * size] if k != part]
         hold = replace(hold, growth=hold.growth / size)
     who, remedy = _words(field, motions, group, part, along)
-    if problem.contact_points and problem.law.state_dependent:
+    remedy += "".join(f"; {said}" for said in open_glue(problem))
+    m, c = problem.contact_points, problem.contact.components
+    if m and problem.law.rubbed(np.ones((m, c - 1, 1))).any():
         remedy += (
             " (friction that depends on the solution counts only up to what the pressure provides: where it slides, "
             "such a motion lifts the body by the coefficient of friction)"
@@ -125,6 +127,22 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
     except SupportError as error:
         return error
     raise AssertionError
+
+
+def open_glue(problem: DiscreteProblem) -> Iterator[str]:
+    """What is said of boundaries whose glue has let go at every point before anything moves."""
+    if not problem.contact_points:
+        return
+    rest, contact = -problem.offset, problem.contact
+    damage = problem.law.debonding(rest).get("damage", np.full(len(rest), np.nan))
+    for place, name in zip(contact.places, contact.names, strict=True):
+        index = contact.on(name)
+        if index.size and (damage[index] == 1.0).all():
+            gap = -float(rest[index, 0].max())
+            yield (
+                f"the glue of '{place}' begins open by {gap:.4g} and holds nothing; where that is the thickness of the "
+                f"layer give gap = {-gap:.4g}"
+            )
 
 
 def _words(

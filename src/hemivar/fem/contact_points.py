@@ -525,7 +525,9 @@ def _left_to_glue(groups: list[BoundaryContact], contacts: Mapping[str, Contact]
         coupled = contact.law is contact.normal
         return coupled or (contact.friction.acts and not contact.friction.state_dependent)
 
-    pairs = sorted((k for k, group in enumerate(groups) if group.pair), key=lambda k: (not groups[k].law.remembers, not glues(k)))
+    pairs = sorted(
+        (k for k, group in enumerate(groups) if group.pair), key=lambda k: (not groups[k].law.remembers, not glues(k))
+    )
     for first, k in enumerate(pairs):
         keeps = found[k].points
         others = [other for other in range(len(groups)) if not groups[other].pair] if glues(k) else []

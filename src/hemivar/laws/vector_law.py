@@ -557,7 +557,7 @@ class VectorLaw(PickleMixin, ABC):
         return both, both
 
     def curve_above_at(self, r: Array, lam: Array) -> tuple[Array, Array]:
-        """:attr:`curve_above` beside a state, at whose penetration and pressure ``(m, c)`` a friction bound is taken."""
+        """:attr:`curve_above` with a friction bound as it is in a state ``(m, c)``."""
         normal, tangential = (self if self.depends_on_whole_state else self.frozen(r, lam)).curve_above
         return normal, tangential
 

@@ -60,8 +60,9 @@ def plot_contact(
     stress_unit: str = "",
     certificate: Certificate | None = None,
 ) -> Figure:
-    """Pressure, friction (with its bound), penetration and slip along the contact boundary, each in a panel; of glue its
-    damage as well.
+    """Pressure, friction (with its bound), penetration and slip along the contact boundary, each in a panel.
+
+    Of glue its damage is drawn as well.
 
     Slip is left out where the body is away from its foundation.  Several contact boundaries have a column each; the
     coordinate is x or y along straight boundaries parallel to an axis, the arc length otherwise, and the number of the

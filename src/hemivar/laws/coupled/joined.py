@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -53,8 +53,7 @@ def _whether(question: str) -> property:
 
 @dataclass(frozen=True, eq=False)
 class JoinedLaw(VectorLaw):
-    """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once.
-    """
+    """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once."""
 
     parts: tuple[VectorLaw, ...]
     indices: tuple[IntArray, ...]
@@ -162,7 +161,7 @@ class JoinedLaw(VectorLaw):
     curve_above_at = _several("curve_above_at")  # type: ignore[assignment]
 
     def pressures(self, r: Array) -> Interval:
-        ends = [law.pressures(own) for law, (own,) in _given(self, (r,))]
+        ends = [law.pressures(r[i]) for law, i in zip(self.parts, self.indices, strict=True)]
         return Interval(self.gather([one.lower for one in ends]), self.gather([one.upper for one in ends]))
 
     def linearise(self, r: Array) -> Linearisation:
@@ -170,17 +169,17 @@ class JoinedLaw(VectorLaw):
         return Linearisation(*(self.gather([line[name] for line in lines]) for name in lines[0]))
 
     def on_graph(self, p: Array, a: Array) -> OnGraph:
-        return self._pairs([law.on_graph(*own) for law, own in _given(self, (p, a))])
+        return self.joined([law.on_graph(p[i], a[i]) for law, i in zip(self.parts, self.indices, strict=True)])
 
-    def _pairs(self, found: Sequence[OnGraph]) -> OnGraph:
+    def joined(self, found: Sequence[OnGraph]) -> OnGraph:
         """Pairs of the parts as those of all points."""
         return OnGraph(*(self.gather(arrays) for arrays in zip(*(vars(one).values() for one in found), strict=True)))
 
     def is_curve(self, a: Array, components: int) -> bool:
-        return all(law.is_curve(own, components) for law, (own,) in _given(self, (a,)))
+        return all(law.is_curve(a[i], components) for law, i in zip(self.parts, self.indices, strict=True))
 
     def chart(self, a: Array, components: int) -> Chart | None:
-        charts = [law.chart(own, components) for law, (own,) in _given(self, (a,))]
+        charts = [law.chart(a[i], components) for law, i in zip(self.parts, self.indices, strict=True)]
         known = tuple(chart for chart in charts if chart is not None)
         return _JoinedChart(self, a, known) if len(known) == len(charts) else None
 
@@ -254,15 +253,16 @@ class _JoinedChart(Chart):
     law: JoinedLaw
     parts: tuple[Chart, ...]
 
-    def _asked(self, question: str, *given: object) -> list[Any]:
-        """The answers of the parts of their own points."""
-        return [getattr(part, question)(*own) for part, (_, own) in zip(self.parts, _given(self.law, given), strict=True)]
+    @property
+    def _each(self) -> Iterator[tuple[Chart, IntArray]]:
+        """Them, with the numbers of their points."""
+        return zip(self.parts, self.law.indices, strict=True)
 
     def at(self, p: Array, near: Array | None = None) -> OnGraph:
-        return self.law._pairs(self._asked("at", p, near))
+        return self.law.joined([chart.at(p[i], None if near is None else near[i]) for chart, i in self._each])
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        found = self._asked("graph_distance", r, lam, tau)
+        found = [chart.graph_distance(r[i], lam[i], tau[i]) for chart, i in self._each]
         same = min(one.shape[1] for one in found) == max(one.shape[1] for one in found)
         return self.law.gather(found if same else [np.linalg.norm(one, axis=1, keepdims=True) for one in found])
 
@@ -273,7 +273,7 @@ class _JoinedChart(Chart):
         return replace(self, parts=tuple(new or old for new, old in zip(charts, self.parts, strict=True)))
 
     def least_multiplier(self, r: Array) -> Array:
-        return self.law.gather(self._asked("least_multiplier", r))
+        return self.law.gather([chart.least_multiplier(r[i]) for chart, i in self._each])
 
 
 def join_laws(laws: Sequence[tuple[VectorLaw, int]]) -> VectorLaw:
