@@ -258,16 +258,14 @@ def exact_distance(
     for kind in () if sweeps is None else expect(sweeps, tuple, "sweeps", "give a tuple such as (PatchKind.VERTEX,)"):
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     chosen = Sweeps.usual(problem.mesh.dim, problem.order) if sweeps is None else Sweeps(sweeps)
-    if not touch(problem):
+    if touch(problem) and joined_sides(problem) is None:
+        found = _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
+    else:
         found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
-        return found if sweeps is not None else _by_better_cells(problem, displacement, constants, chosen, found)
-    if joined_sides(problem) is None:
-        return _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
-    found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
-    if found.distance < np.inf:
-        return found
-    why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
-    return _of_touching_bodies(problem, displacement, chosen, why)
+        if touch(problem) and not found.distance < np.inf:
+            why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
+            found = _of_touching_bodies(problem, displacement, chosen, why)
+    return found if sweeps is not None else _by_better_cells(problem, displacement, constants, chosen, found)
 
 
 def _by_better_cells(
@@ -282,7 +280,7 @@ def _by_better_cells(
         return found
     seen = unresolved(data) if data.order == 1 else 0.0
     best, finer, added = found, found, found.added(constants)
-    for _ in range(_MESHES):
+    for _ in range(0 if touch(problem) else _MESHES):  # cut alike on both sides they would stay one
         if best.distance <= _ENOUGH * seen or (mesh := bettered(finer.stress.data.table, added)) is None:
             break
         other = replace(problem, mesh=mesh)
