@@ -497,8 +497,10 @@ def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds
 
 def _without_rounding(forces: Array, sweeper: PatchSmoother) -> Array:
     """Forces without those that are rounding: on which side of zero they are would decide which multipliers follow."""
-    tractions = np.abs(sweeper.moments).max(axis=(1, 2)) / sweeper.data.table.measures
-    return np.where(np.abs(forces) <= _ROUNDING * tractions.max(initial=0.0), 0.0, forces)
+    measures = sweeper.data.table.measures
+    tractions = sweeper.moments.reshape(len(measures), -1) / measures[:, None]
+    largest = max(tractions.max(initial=0.0), -tractions.min(initial=0.0))
+    return np.where(np.abs(forces) <= _ROUNDING * largest, 0.0, forces)
 
 
 def _multiplier(
