@@ -16,7 +16,7 @@ from hemivar.mesh.mesh import Mesh
 __all__ = ["are_flat", "bettered", "largest_share"]
 
 #: Lengths of cells over their heights from which on they are flat, in the plane and in space.
-_FLAT = {2: 24.0, 3: 12.0}
+_FLAT = {2: 24.0, 3: 18.0}
 #: That from which on they are halved.
 _LONG = 5.0
 #: How often cells are halved, and their parts.
