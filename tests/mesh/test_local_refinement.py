@@ -30,7 +30,7 @@ def lengths(mesh: Mesh) -> Array:
     """The longest edges of the cells, (M,)."""
     ends = mesh.points[mesh.edges]
     edges: Array = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    return np.asarray(edges[mesh.cell_edges].max(axis=1))
+    return np.asarray(edges[mesh.cell_edges].max(axis=1), dtype=float)
 
 
 def shapes(mesh: Mesh) -> Array:
