@@ -29,8 +29,8 @@ MESHES: dict[str, Make] = {
 def lengths(mesh: Mesh) -> Array:
     """The longest edges of the cells, (M,)."""
     ends = mesh.points[mesh.edges]
-    edges: Array = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    return np.asarray(edges[mesh.cell_edges].max(axis=1), dtype=float)
+    longest: Array = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)[mesh.cell_edges].max(axis=1)
+    return longest
 
 
 def shapes(mesh: Mesh) -> Array:
