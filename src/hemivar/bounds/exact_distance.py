@@ -276,11 +276,12 @@ def _by_better_cells(
     What it says of cells and facets stays that of the mesh of the displacement.
     """
     data = found.stress.data
-    if not found.distance < np.inf or not are_flat(data.table):
+    told, wanted = are_flat(data.table)
+    if not found.distance < np.inf or not told:
         return found
     seen = unresolved(data) if data.order == 1 else 0.0
     best, finer, added = found, found, found.added(constants)
-    for _ in range(0 if touch(problem) else _MESHES):  # cut alike on both sides they would stay one
+    for _ in range(_MESHES if wanted and not touch(problem) else 0):  # cut alike on both sides they would stay one
         if best.distance <= _ENOUGH * seen or (mesh := bettered(finer.stress.data.table, added)) is None:
             break
         other = replace(problem, mesh=mesh)
