@@ -104,3 +104,20 @@ def test_cells_as_long_as_high_say_nothing() -> None:
     solution = hv.solve(problem)
     found = exact_distance(problem, solution.displacement, guaranteed_trace_bounds(solution.problem))
     assert found.above == 0.0
+
+
+def test_flat_bodies_that_touch_say_so() -> None:
+    """A strip on another: facets coincide, or do not."""
+    material = hv.Material.young(10.0, 0.3)
+    for count in (4, 5):
+        upper, lower = (rectangle((1.0, 0.01), (n, 1), pattern="right") for n in (4, count))
+        pair = {"upper": upper.moved(np.eye(2), (0.0, 0.01)), "lower": lower}
+        mesh = hv.Mesh.assembled(pair)
+        law = hv.Contact(hv.Signorini(), against="lower:top")
+        held = {"upper:top": hv.Clamped(), "lower:bottom": hv.Clamped()}
+        problem = hv.ContactProblem(
+            mesh, material, {"upper:bottom": law}, held, body_force=(0.1, -0.4), tractions={"upper:right": (0.1, 0.1)}
+        )
+        solution = hv.solve(problem)
+        found = exact_distance(problem, solution.displacement, guaranteed_trace_bounds(solution.problem))
+        assert found.above > 20.0

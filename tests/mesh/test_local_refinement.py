@@ -29,7 +29,8 @@ MESHES: dict[str, Make] = {
 def lengths(mesh: Mesh) -> Array:
     """The longest edges of the cells, (M,)."""
     ends = mesh.points[mesh.edges]
-    return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)[mesh.cell_edges].max(axis=1))
+    longest: Array = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)[mesh.cell_edges].max(axis=1)
+    return longest
 
 
 def shapes(mesh: Mesh) -> Array:

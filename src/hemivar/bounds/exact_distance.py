@@ -258,16 +258,14 @@ def exact_distance(
     for kind in () if sweeps is None else expect(sweeps, tuple, "sweeps", "give a tuple such as (PatchKind.VERTEX,)"):
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     chosen = Sweeps.usual(problem.mesh.dim, problem.order) if sweeps is None else Sweeps(sweeps)
-    if not touch(problem):
+    if touch(problem) and joined_sides(problem) is None:
+        found = _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
+    else:
         found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
-        return found if sweeps is not None else _by_better_cells(problem, displacement, constants, chosen, found)
-    if joined_sides(problem) is None:
-        return _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
-    found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
-    if found.distance < np.inf:
-        return found
-    why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
-    return _of_touching_bodies(problem, displacement, chosen, why)
+        if touch(problem) and not found.distance < np.inf:
+            why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
+            found = _of_touching_bodies(problem, displacement, chosen, why)
+    return found if sweeps is not None else _by_better_cells(problem, displacement, constants, chosen, found)
 
 
 def _by_better_cells(
@@ -278,11 +276,12 @@ def _by_better_cells(
     What it says of cells and facets stays that of the mesh of the displacement.
     """
     data = found.stress.data
-    if not found.distance < np.inf or not are_flat(data.table):
+    told, wanted = are_flat(data.table)
+    if not found.distance < np.inf or not told:
         return found
     seen = unresolved(data) if data.order == 1 else 0.0
     best, finer, added = found, found, found.added(constants)
-    for _ in range(_MESHES):
+    for _ in range(_MESHES if wanted and not touch(problem) else 0):  # cut alike on both sides they would stay one
         if best.distance <= _ENOUGH * seen or (mesh := bettered(finer.stress.data.table, added)) is None:
             break
         other = replace(problem, mesh=mesh)
@@ -499,8 +498,10 @@ def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds
 
 def _without_rounding(forces: Array, sweeper: PatchSmoother) -> Array:
     """Forces without those that are rounding: on which side of zero they are would decide which multipliers follow."""
-    tractions = np.abs(sweeper.moments).max(axis=(1, 2)) / sweeper.data.table.measures
-    return np.where(np.abs(forces) <= _ROUNDING * tractions.max(initial=0.0), 0.0, forces)
+    measures = sweeper.data.table.measures
+    tractions = sweeper.moments.reshape(len(measures), -1) / measures[:, None]
+    largest = max(tractions.max(initial=0.0), -tractions.min(initial=0.0))
+    return np.where(np.abs(forces) <= _ROUNDING * largest, 0.0, forces)
 
 
 def _multiplier(

@@ -15,8 +15,9 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["are_flat", "bettered", "largest_share"]
 
-#: Lengths of cells over their heights from which on they are flat, in the plane and in space.
-_FLAT = {2: 24.0, 3: 12.0}
+#: Lengths of cells over their heights from which on it is told what the bound may be, and those from which on better
+#: cells are looked for, in the plane and in space.
+_TOLD, _FLAT = 8.0, {2: 24.0, 3: 18.0}
 #: That from which on they are halved.
 _LONG = 5.0
 #: How often cells are halved, and their parts.
@@ -27,9 +28,10 @@ _SHARE, _MOST = 0.6, {2: 500, 3: 60}
 _ALIKE = 1e-9
 
 
-def are_flat(table: FacetTable) -> bool:
-    """Whether some cells are."""
-    return bool(_flatness(table).max() >= _FLAT[table.dim])
+def are_flat(table: FacetTable) -> tuple[bool, bool]:
+    """Whether some cells are flat enough for a word, and for a search for better ones."""
+    worst = float(_flatness(table).max())
+    return worst >= _TOLD, worst >= _FLAT[table.dim]
 
 
 def _flatness(table: FacetTable) -> Array:
