@@ -232,7 +232,11 @@ class GraphChart(Curves):
     def forces(self, theta: Array, side: Array, force: Array) -> Array:
         r, lam, _ = self.pairs(theta)
         weighed = np.abs(self._weight * lam).ravel()
-        return np.asarray(np.abs(force) + np.abs(self.matrix) @ np.abs(r).ravel() + weighed)
+        return np.asarray(np.abs(force) + self._sizes @ np.abs(r).ravel() + weighed)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        return np.abs(self.matrix)
 
     # ---- stability --------------------------------------------------------------------------------------
 
@@ -444,8 +448,11 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
 def _by_blocks(matrix: Array, blocks: Array) -> Array:
     """A matrix (k, m c) times the matrix of blocks (m, c, c)."""
     m, c = blocks.shape[:2]
-    columns = matrix.reshape(-1, m, c).transpose(1, 0, 2)
-    return np.asarray(np.matmul(columns, blocks).transpose(1, 0, 2).reshape(len(matrix), m * c))
+    columns = matrix.reshape(-1, m, c)
+    out = np.zeros(columns.shape)
+    for row, column in np.ndindex(c, c):
+        out[:, :, column] += columns[:, :, row] * blocks[:, row, column]
+    return out.reshape(len(matrix), m * c)
 
 
 def _resists(work: Array) -> bool:
