@@ -13,6 +13,7 @@ from hemivar.branches import follow, follow_path
 from hemivar.branches.graph_chart import chart_of
 from hemivar.branches.path import PathEnd
 from hemivar.laws import ContactLaw, VectorLaw
+from hemivar.laws.vector_law import OnGraph
 from hemivar.systems import condense
 from tests.samples import sampled, slow
 
@@ -279,7 +280,12 @@ def test_a_step_asks_no_more_of_a_curved_law_than_it_must(monkeypatch: pytest.Mo
     """What the end of a step has told is not asked again where the next one begins, nor for the points of the path."""
     calls: list[int] = []
     on_graph = L.MixedMode.on_graph
-    monkeypatch.setattr(L.MixedMode, "on_graph", lambda law, p, a: (calls.append(len(p)), on_graph(law, p, a))[1])
+
+    def counted(law: L.MixedMode, p: np.ndarray, a: np.ndarray) -> OnGraph:
+        calls.append(len(p))
+        return on_graph(law, p, a)
+
+    monkeypatch.setattr(L.MixedMode, "on_graph", counted)
     problem = arrays(np.diag([12.0, 9.0]), np.array([-12.0, 4.0]), glue(36.0, ratio=0.7), 2)
     path = follow_path(problem, (0.0, 2.0), largest_step=2e-3)
     assert int(path.curved.sum()) >= 30
