@@ -494,6 +494,8 @@ class Follower:
         count, after = (self._falling(*end) for end in step.ends)
         inner = [] if fold is None else [_Cut(fold[0], TrackPoint(fold[2], fold[1], fold=True))]
         counts = [(0.0, count)]
+        if fold is not None and count != after and self._counts_beside(step, fold[0]) == [count, after]:
+            counts.append((fold[0], after))
         while counts[-1][1] != after and len(counts) <= _CHANGES:
             place = self.change(step, self.same_count(counts[-1][1]), (1.0, -1.0), counts[-1][0])
             beyond = None if place is None else step.at(place[0] * (1.0 + _SAME))
@@ -506,6 +508,11 @@ class Follower:
         steps = sorted(inner, key=lambda cut: cut.length)
         known = [replace(cut, negative=_count_before(counts, cut.length)) for cut in steps]
         return [*known, _Cut(np.inf, step.new.on_track, last)]
+
+    def _counts_beside(self, step: _Step, length: float) -> list[int]:
+        """Falling directions a little before a distance of a step, and a little beyond it."""
+        found = [step.at(length * (1.0 + part)) for part in (-_SAME, _SAME)]
+        return [self.negative(place[0], step.inner, place[1]) for place in found if place is not None]
 
     def rising(self, theta: Array, segment: AnyArray, t: float, border: Array) -> float:
         """The rate of the load along the path, nan where it has no tangent."""
