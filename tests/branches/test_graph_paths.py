@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -11,6 +13,8 @@ from hemivar.branches import follow, follow_path
 from hemivar.branches.graph_chart import chart_of
 from hemivar.branches.path import PathEnd
 from hemivar.laws import ContactLaw, VectorLaw
+from hemivar.laws.vector_law import OnGraph
+from hemivar.systems import condense
 from tests.samples import sampled, slow
 
 from .test_path_peel import load_where, pair
@@ -244,3 +248,45 @@ def test_values_of_an_end_are_refused_before_any_work() -> None:
         follow_path(pair(6.0, 4.5), until={"max-openin": 1.0})
     with pytest.raises(hv.errors.ProblemError, match="finite"):
         follow_path(pair(6.0, 4.5), until={"max-opening": np.inf})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_falling_directions_of_a_law_of_the_state_are_counted_as_by_eigenvalues(seed: int) -> None:
+    """Against the eigenvalues of the derivative of all forces by differences, of elastic and softening points."""
+    rng = np.random.default_rng(seed)
+    n, components = 8, 2
+    root = rng.normal(size=(n, n))
+    stiffness = root @ root.T + 8.0 * np.eye(n)
+    criterion = L.BenzeggaghKenane(0.3, 0.6, 1.5)
+    law = L.ModeDependentGlue(4.0, 4.5, 40.0, criterion, compression=hv.Compliance(100.0))
+    system = condense(arrays(stiffness, np.ones(n), law, components))
+    r = -0.1 * rng.uniform(0.2, 2.0, (n // components, components))
+    chart = chart_of(system, r, system.law.nearest_multiplier(r, np.zeros_like(r)))
+    theta, side = chart.nearest(r, system.law.nearest_multiplier(r, np.zeros_like(r)))
+
+    def pulled(x: np.ndarray) -> np.ndarray:
+        at = x.reshape(r.shape)
+        return system.law.nearest_multiplier(at, np.zeros_like(at)).ravel()
+
+    little = 1e-7 * np.eye(n)
+    slopes = np.array([(pulled(r.ravel() + one) - pulled(r.ravel() - one)) / 2e-7 for one in little]).T
+    for scale in (0.02, 0.3, 1.0):  # a soft body has more falling directions than a stiff one
+        own = replace(chart, system=condense(arrays(scale * stiffness, np.ones(n), law, components)))
+        falling = np.linalg.eigvals(scale * stiffness + slopes).real
+        assert own.negative(theta, side) == int((falling < 0.0).sum())
+
+
+def test_a_step_asks_no_more_of_a_curved_law_than_it_must(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the end of a step has told is not asked again where the next one begins, nor for the points of the path."""
+    calls: list[int] = []
+    on_graph = L.MixedMode.on_graph
+
+    def counted(law: L.MixedMode, p: np.ndarray, a: np.ndarray) -> OnGraph:
+        calls.append(len(p))
+        return on_graph(law, p, a)
+
+    monkeypatch.setattr(L.MixedMode, "on_graph", counted)
+    problem = arrays(np.diag([12.0, 9.0]), np.array([-12.0, 4.0]), glue(36.0, ratio=0.7), 2)
+    path = follow_path(problem, (0.0, 2.0), largest_step=2e-3)
+    assert int(path.curved.sum()) >= 30
+    assert len(calls) <= 9 * len(path)

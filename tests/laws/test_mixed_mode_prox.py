@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics.types import Array
 from hemivar.laws import BilinearCohesion, MixedMode
+from hemivar.laws.coupled.opening import rising_roots
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -64,3 +66,16 @@ def test_glue_of_two_energies_finds_its_mode_with_the_pair(seed: int, components
     smooth = np.abs(ahead - 2.0 * found.r + back).max(axis=1) <= 1e-3 * np.abs(step / a[:, :1]).max(axis=1)
     assert smooth.sum() >= 70
     np.testing.assert_allclose((ahead - back)[smooth] / size[smooth, None], (told / size[:, None])[smooth], atol=1e-9)
+
+
+def test_a_root_that_rounding_hides_is_not_sought_on() -> None:
+    """Two large parts cancel: the root is known to their rounding and no better."""
+    asked: list[Array] = []
+
+    def value(m: Array) -> tuple[Array, Array, Array]:
+        asked.append(m)
+        return (1e8 + m) - (1e8 + 0.3), np.ones(m.size), 2e8 + m
+
+    root = rising_roots(value, np.zeros(1), np.full(1, 4.0))
+    np.testing.assert_allclose(root, 0.3, atol=1e-6)
+    assert len(asked) <= 4

@@ -334,8 +334,7 @@ def _assemble(line: LoadLine, follower: Follower, track: Track, perturbed: bool)
     t = track.load_factors
     stable = [stretch.stable for stretch in track.stretches]
     segments = [stretch.segment for stretch in (track.stretches[0], *track.stretches)]
-    pairs = [chain.local(point.theta, segment) for point, segment in zip(track.points, segments, strict=True)]
-    local, multiplier = np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
+    local, multiplier = chain.every_local([point.theta for point in track.points], segments)
     held, ends = ~system.active, [system.for_problem(line.at(factor)).fixed for factor in (0.0, 1.0)]
     for i, factor in enumerate(t):
         local[i][held] = ((1.0 - factor) * ends[0] + factor * ends[1])[held]

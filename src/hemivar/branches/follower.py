@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from hemivar.basics.deadline import Budget, OutOfTime, check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
+from hemivar.basics.last_used import Recent
 from hemivar.basics.types import AnyArray, Array, BoolArray
 from hemivar.branches.path import PathEnd
 from hemivar.systems.chain import Chain
@@ -101,6 +102,9 @@ _SAME, _CHANGES = 1e-6, 8
 #: Cosine of the angle by which a path turns in one step at most.
 _TURNED = 0.95
 
+#: Part of a step by which what holds on it is told beside its end, where that is an end of a segment.
+_WITHIN = 1e-6
+
 #: Load that hardly changes, beside the motion, and how many times longer steps may then be, beside that as well.
 _STILL, _ON_THE_SPOT = 1e-3, 20.0
 
@@ -142,6 +146,15 @@ class Follower:
         """Number of directions in which the energy falls."""
         return self.body_at(theta, t)[0].negative(theta, segment)
 
+    def _falling(self, theta: Array, segment: AnyArray, t: float) -> int:
+        """That at an end of a step, where the next one begins."""
+        key = theta.tobytes(), segment.tobytes(), t
+        return self._counted.once(key, lambda: self.negative(theta, segment, t))
+
+    @cached_property
+    def _counted(self) -> Recent[tuple[bytes, bytes, float], int]:
+        return Recent(1)
+
     @cached_property
     def load_unit(self) -> float:
         """Length that stands for a load factor of 1 in the arc length."""
@@ -170,7 +183,7 @@ class Follower:
         border = np.zeros(chain.size + 1)
         border[-1] = sign
         tangent = self.tangent(theta, segment, t, border)
-        turn = sign
+        turn, smooth = sign, False
         step = self.largest_step * chain.length
         while len(track.points) < self.max_points:
             check_time()
@@ -185,7 +198,7 @@ class Follower:
             if isinstance(new, PathEnd):
                 track.ended = new
                 break
-            made = _Step(self, theta, segment, t, tangent, new)
+            made = _Step(self, theta, segment, t, tangent, new, smooth)
             reached = self.reached(made)
             if reached is not None:
                 new, made = reached, replace(made, new=reached)
@@ -206,8 +219,12 @@ class Follower:
                 still, gone = self.still(tangent), float(np.abs(theta).max())
                 largest = self.largest_step * (_ON_THE_SPOT * max(chain.length, gone) if still else chain.length)
                 step = min(largest, 1.5 * new.length if new.easy else new.length)
-            segment = new.segment
-            tangent = self.tangent(theta, segment, t, new.border)
+            segment, smooth = new.segment, new.event is None
+            tangent = self.heading(new.border) if smooth else self.tangent(theta, segment, t, new.border)
+
+    def heading(self, unit: Array) -> Array:
+        """A tangent (n + 1,) whose load is given as a length."""
+        return np.append(unit[:-1], unit[-1] / self.load_unit)
 
     def still(self, tangent: Array) -> bool:
         """Whether the load hardly changes: the body slides on."""
@@ -473,12 +490,14 @@ class Follower:
 
     def cuts(self, step: _Step) -> list[_Cut]:
         """A curved step, cut where the load turns and where directions in which the energy falls come or go."""
-        fold = self.change(step, self.rising)
-        count, after = (self.negative(*end) for end in step.ends)
+        fold = self.change(step, self.rising, step.rates)
+        count, after = (self._falling(*end) for end in step.ends)
         inner = [] if fold is None else [_Cut(fold[0], TrackPoint(fold[2], fold[1], fold=True))]
         counts = [(0.0, count)]
+        if fold is not None and count != after and self._counts_beside(step, fold[0]) == [count, after]:
+            counts.append((fold[0], after))
         while counts[-1][1] != after and len(counts) <= _CHANGES:
-            place = self.change(step, self.same_count(counts[-1][1]), counts[-1][0])
+            place = self.change(step, self.same_count(counts[-1][1]), (1.0, -1.0), counts[-1][0])
             beyond = None if place is None else step.at(place[0] * (1.0 + _SAME))
             if place is None or beyond is None:
                 break
@@ -490,6 +509,11 @@ class Follower:
         known = [replace(cut, negative=_count_before(counts, cut.length)) for cut in steps]
         return [*known, _Cut(np.inf, step.new.on_track, last)]
 
+    def _counts_beside(self, step: _Step, length: float) -> list[int]:
+        """Falling directions a little before a distance of a step, and a little beyond it."""
+        found = [step.at(length * (1.0 + part)) for part in (-_SAME, _SAME)]
+        return [self.negative(place[0], step.inner, place[1]) for place in found if place is not None]
+
     def rising(self, theta: Array, segment: AnyArray, t: float, border: Array) -> float:
         """The rate of the load along the path, nan where it has no tangent."""
         tangent = self.tangent(theta, segment, t, border)
@@ -499,14 +523,15 @@ class Follower:
         """1 where the energy falls in so many directions, else -1."""
         return lambda theta, segment, t, border: 1.0 if self.negative(theta, segment, t) == count else -1.0
 
-    def change(self, step: _Step, measure: Measure, begin: float = 0.0) -> tuple[float, Array, float] | None:
-        """Where a measure changes its sign between two points of a curved path: distance, point, load.
+    def change(
+        self, step: _Step, measure: Measure, ends: tuple[float, float], begin: float = 0.0
+    ) -> tuple[float, Array, float] | None:
+        """Where a measure changes its sign beyond a distance of a curved step: distance, point, load.
 
-        Beyond the distance ``begin`` it is positive, if that is not 0.
+        At both ends it is ``ends``.
         """
         a, b = begin, step.length
-        first, last = step.ends
-        fa, fb = 1.0 if begin else measure(*first, step.border), measure(*last, step.border)
+        fa, fb = ends
         if not fa * fb < 0.0:
             return None
         place: tuple[float, Array, float] | None = None
@@ -558,7 +583,7 @@ _Place: TypeAlias = tuple[Array, AnyArray, float]
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A step of the path: where it begins, the tangent there, and where it ends."""
+    """A step of the path: where it begins, the tangent there, where it ends, and whether it begins within pieces."""
 
     follower: Follower
     theta: Array
@@ -566,6 +591,7 @@ class _Step:
     t: float
     v: Array
     new: FollowedPoint
+    smooth: bool
 
     @cached_property
     def border(self) -> Array:
@@ -591,10 +617,18 @@ class _Step:
 
     @cached_property
     def ends(self) -> tuple[_Place, _Place]:
-        """Two points of the chord a little within its ends, on the segments that the step has there."""
-        little, part = 1e-6 * (self.new.theta - self.theta), 1e-6 * (self.new.t - self.t)
-        first = self.theta + little, self.segment, self.t + part
-        return first, (self.new.theta - little, self.new.reached_on, self.new.t - part)
+        """Both ends on the segments that the step has there; a little within where they end there."""
+        way, load, new = self.new.theta - self.theta, self.new.t - self.t, self.new
+        first, last = 0.0 if self.smooth else _WITHIN, 0.0 if new.event is None else _WITHIN
+        begin = self.theta + first * way, self.segment, self.t + first * load
+        return begin, (new.theta - last * way, new.reached_on, new.t - last * load)
+
+    @cached_property
+    def rates(self) -> tuple[float, float]:
+        """The rate of the load at both ends: where they lie within pieces their tangents are known."""
+        first, last = self.ends
+        begin = float(self.v[-1]) if self.smooth else self.follower.rising(*first, self.border)
+        return begin, float(self.new.border[-1]) if self.new.event is None else self.follower.rising(*last, self.border)
 
     def at(self, length: float) -> tuple[Array, float] | None:
         """The point of the path at a distance along the tangent; it is sought near the chord, for the path may turn."""

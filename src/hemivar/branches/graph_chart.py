@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws import VectorLaw
 from hemivar.laws.vector_law import spread
@@ -46,8 +46,8 @@ _FAR_AWAY = 1e-5
 _NEUTRAL, _FREE = 1e-13, 1e-9
 #: Parts of a reach in which a corner is searched one after the other.
 _PARTS = (1e-2, 1e-1, 1.0)
-#: Pairs that are remembered.
-_KEPT = 8
+#: Pairs that are remembered, and places that are evaluated together.
+_KEPT, _TOGETHER = 8, 100
 #: Second singular value of a jump, relative to the first one, above which it has no normal.
 _NO_NORMAL = 1e-3
 #: How far a is above the weak convexity at first, and where it was not enough; and how far it has to be.
@@ -185,6 +185,17 @@ class GraphChart(Curves):
         r, lam, _ = self.pairs(theta)
         return r, lam
 
+    def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
+        found = [self._of_places(np.array(theta[i : i + _TOGETHER])) for i in range(0, len(theta), _TOGETHER)]
+        return np.concatenate([r for r, _ in found]), np.concatenate([lam for _, lam in found])
+
+    def _of_places(self, theta: Array) -> tuple[Array, Array]:
+        """r and lambda (k, m, c) at places (k, n)."""
+        (m, c), k = self.system.shape, len(theta)
+        index = np.tile(np.arange(m), k)
+        on = self.law.take(index).on_graph((self.stiffness.ravel() * theta).reshape(-1, c), self.a[index])
+        return on.r.reshape(k, m, c), on.multiplier.reshape(k, m, c)
+
     def inside(self, theta: Array, side: Array, tolerance: float) -> BoolArray:
         return np.ones(theta.size, dtype=bool)
 
@@ -221,7 +232,11 @@ class GraphChart(Curves):
     def forces(self, theta: Array, side: Array, force: Array) -> Array:
         r, lam, _ = self.pairs(theta)
         weighed = np.abs(self._weight * lam).ravel()
-        return np.asarray(np.abs(force) + np.abs(self.matrix) @ np.abs(r).ravel() + weighed)
+        return np.asarray(np.abs(force) + self._sizes @ np.abs(r).ravel() + weighed)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        return np.abs(self.matrix)
 
     # ---- stability --------------------------------------------------------------------------------------
 
@@ -234,10 +249,13 @@ class GraphChart(Curves):
     def _falling_modes(self, slope: Array) -> int:
         """Eigenvalues with a negative real part of the tangent, which is not symmetric."""
         m, c = self.system.shape
-        weighed = np.zeros((m, c, m, c))
-        every = np.arange(m)
-        weighed[every, :, every, :] = self._weight[:, :, None] * slope
-        flexible = _flexibilities(self._jacobian(slope), weighed.reshape(self.size, -1))
+        own, every, stiff = np.zeros((m, c, m, c)), np.arange(m), self._jacobian(slope)
+        own[every, :, every, :] = slope
+        whole = own.reshape(self.size, -1)
+        moves, felt = (np.asarray(whole.any(axis=k)) for k in (1, 0))
+        if not (felt & ~moves).any() and _resists(_by_blocks(stiff.T, slope).T[np.ix_(moves, moves)]):
+            return 0
+        flexible = _flexibilities(stiff, self._weight.ravel()[:, None] * whole, moves)
         return int((flexible.real < -1e-10 * np.abs(flexible).max(initial=0.0)).sum())
 
     def _moving(self, slope: Array) -> tuple[Array, Array]:
@@ -430,14 +448,26 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
 def _by_blocks(matrix: Array, blocks: Array) -> Array:
     """A matrix (k, m c) times the matrix of blocks (m, c, c)."""
     m, c = blocks.shape[:2]
-    columns = matrix.reshape(-1, m, c).transpose(1, 0, 2)
-    return np.asarray(np.matmul(columns, blocks).transpose(1, 0, 2).reshape(len(matrix), m * c))
+    columns = matrix.reshape(-1, m, c)
+    out = np.zeros(columns.shape)
+    for row, column in np.ndindex(c, c):
+        out[:, :, column] += columns[:, :, row] * blocks[:, row, column]
+    return out.reshape(len(matrix), m * c)
 
 
-def _flexibilities(stiff: Array, weighed: Array) -> Array:
-    """Eigenvalues of ``stiff^-1 weighed``, but for motions that nothing resists."""
+def _resists(work: Array) -> bool:
+    """Whether a matrix does positive work on every motion: then no eigenvalue of its body has a negative real part."""
     try:
-        found = np.linalg.eigvals(np.linalg.solve(stiff, weighed))
+        np.linalg.cholesky(work + work.T)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _flexibilities(stiff: Array, weighed: Array, moves: BoolArray) -> Array:
+    """Eigenvalues of ``stiff^-1 weighed``, but for motions that nothing resists; rows but ``moves (n,)`` are zero."""
+    try:
+        found = np.linalg.eigvals(weighed[moves] @ np.linalg.solve(stiff, np.eye(len(stiff))[:, moves]))
         if np.abs(found).max(initial=0.0) * _NEUTRAL * np.linalg.norm(stiff) < np.linalg.norm(weighed):
             return np.asarray(found)
     except np.linalg.LinAlgError:

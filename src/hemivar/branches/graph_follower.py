@@ -120,15 +120,15 @@ class GraphFollower(Follower):
         arrived = self.arc(theta, chain.here, t, v, reach)
         if arrived is None:
             return None
-        new, new_t, steps = arrived
-        met = chain.leaves(theta, side, new - theta, 2.0 * slack)
+        way, new_t, steps = arrived[0] - theta, *arrived[1:]
+        met, new = chain.leaves(theta, side, way, 2.0 * slack), theta + way
         over = not self.low < new_t < self.high
         goal = self.high if new_t >= self.high else self.low
         part = (goal - t) / (new_t - t) if over and new_t != t else np.inf
-        if met is not None and not self.not_before(met.part, part, new - theta):
-            return None if met.bends else self.corner(theta, side, t, np.append(new - theta, new_t - t), met)
+        if met is not None and not self.not_before(met.part, part, way):
+            return None if met.bends else self.corner(theta, side, t, np.append(way, new_t - t), met)
         if over:
-            return self.end_of_load(theta, side, part * (new - theta), goal, slack, t, v)
+            return self.end_of_load(theta, side, part * way, goal, slack, t, v)
         unit = self.onward(theta, t, v, new, chain.here, new_t)
         return None if unit is None else FollowedPoint(new, new_t, chain.here, unit, length=reach, easy=steps <= 4)
 

@@ -69,6 +69,11 @@ class Curves(ABC):
     def local(self, theta: Array, segment: AnyArray) -> tuple[Array, Array]:
         """Local displacement and multiplier (m, d) of all components."""
 
+    def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
+        """That of several places, (k, m, d) each."""
+        pairs = [self.local(*place) for place in zip(theta, segments, strict=True)]
+        return np.array([r for r, _ in pairs]), np.array([lam for _, lam in pairs])
+
     @abstractmethod
     def negative(self, theta: Array, segment: AnyArray) -> int:
         """Number of directions in which the energy falls (to second order)."""

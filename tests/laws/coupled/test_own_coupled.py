@@ -24,6 +24,7 @@ from hemivar.laws import (
     Tresca,
 )
 from hemivar.laws.coupled import own_coupled
+from hemivar.laws.coupled.plane_potential import PlanePotential
 from hemivar.laws.vector_testing import check_vector_law
 from tests.samples import sampled
 
@@ -328,3 +329,20 @@ def test_signorini_is_a_formula_too() -> None:
     ]  # fmt: skip
     assert both[0].energy == pytest.approx(both[1].energy, rel=1e-9)
     assert both[0].multiplier == pytest.approx(both[1].multiplier, abs=1e-6 * np.abs(both[1].multiplier).max())
+
+
+def test_points_that_are_found_are_not_searched_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Newton's method takes a handful of steps to a place in the chart, and as many energies."""
+    law = hv.laws.CoupledFormulaLaw("0.05*(1 - exp(-30*(r^2 + 0.6*s^2)))", reach=1.0).at(None)
+    a, b = np.full((3, 2), 6.5), np.array([[-0.7, 0.2], [-0.3, 0.1], [-0.05, 0.01]])
+    energies: list[int] = []
+    value = type(law.plane).value
+
+    def counted(plane: PlanePotential, r: Array, s: Array) -> Array:
+        energies.append(r.size)
+        return value(plane, r, s)
+
+    monkeypatch.setattr(type(law.plane), "value", counted)
+    x = law.local_argmin(a, b)
+    np.testing.assert_allclose(a * x + law.nearest_multiplier(x, np.zeros_like(x)), b, atol=1e-14)
+    assert len(energies) <= 20

@@ -16,8 +16,8 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["SearchedPotential", "descend"]
 
-#: Newton steps and halvings of each, at most.
-_STEPS, _HALVINGS = 100, 40
+#: Newton steps and halvings of each, at most; and halvings of a step that is too small for energies to tell.
+_STEPS, _HALVINGS, _SMALL = 100, 40, 2
 #: Part of the predicted fall that a step must reach, and roundings in an energy.
 _ARMIJO, _ROUNDING = 1e-4, 64.0 * float(np.finfo(float).eps)
 #: Least curvature, as a part of the largest.
@@ -110,11 +110,11 @@ def descend(law: SearchedPotential, a: Array, b: Array, x: Array) -> Array:
         some, here = _Problems(law, a[going], b[going]), x[going]
         g, side, held = some.state(here)
         parts = np.abs(some.a * here) + np.abs(some.b)
-        done = (np.abs(g) <= 4.0 * np.finfo(float).eps * parts.max(axis=1, keepdims=True)).all(axis=1)
-        way = some.direction(here, g, side, held)
-        new, moved = _searched(some, here, g, way)
-        x[going] = np.where(done[:, None], here, new)
-        going = going[~done & moved]
+        left = np.flatnonzero((np.abs(g) > 4.0 * np.finfo(float).eps * parts.max(axis=1, keepdims=True)).any(axis=1))
+        some, here, g, going = some.take(left), here[left], g[left], going[left]
+        new, moved = _searched(some, here, g, some.direction(here, g, side[left], held[left]))
+        x[going] = new
+        going = going[moved]
     return x
 
 
@@ -125,7 +125,7 @@ def _searched(some: _Problems, x: Array, g: Array, way: Array) -> tuple[Array, B
     new, taken = x.copy(), np.zeros(len(x), dtype=bool)
     open_ = np.arange(len(x))
     part = 1.0
-    for _ in range(_HALVINGS):
+    for halving in range(_HALVINGS):
         one = some.take(open_)
         at = _moved(some.law, x[open_], part * way[open_])
         fall = (g[open_] * (at - x[open_])).sum(axis=1)
@@ -139,7 +139,7 @@ def _searched(some: _Problems, x: Array, g: Array, way: Array) -> tuple[Array, B
         good &= np.isfinite(energy) & (at != x[open_]).any(axis=1)
         new[open_[good]] = at[good]
         taken[open_[good]] = True
-        open_ = open_[~good]
+        open_ = open_[~good & ~(near & (halving >= _SMALL))]
         if not open_.size:
             break
         part *= 0.5
