@@ -68,6 +68,8 @@ def _ones(matrix: sp.csr_array) -> sp.csr_array:
 
 def _with_rows(matrix: sp.csr_array, rows: IntArray, changed: sp.csr_array) -> sp.csr_array:
     """A matrix with others in the place of some of its rows (k,), which rise, zeros among their entries."""
+    if not rows.size:
+        return matrix
     counts = np.diff(matrix.indptr)
     counts[rows] = np.diff(changed.indptr)
     indptr = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
