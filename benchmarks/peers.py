@@ -539,10 +539,10 @@ def calculix(s: SimpleNamespace) -> np.ndarray:
             lines += [f"{k + 1},S{number}" for k in np.flatnonzero(under[s.cells[:, side]].all(axis=1))]
         extra = []
     lines += ["*SURFACE, NAME=SLAVE, TYPE=NODE", *(str(k + 1) for k in s.over)]
-    lines += ["*SURFACE INTERACTION, NAME=I", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{1e3 * E}"]
+    lines += ["*SURFACE INTERACTION, NAME=I", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{stiff}"]
     lines += [
         "*FRICTION",
-        f"{s.coefficient},{1e3 * E}",
+        f"{s.coefficient},{stiff}",
         "*CONTACT PAIR, INTERACTION=I, TYPE=NODE TO SURFACE",
         "SLAVE,MASTER",
     ]
