@@ -237,6 +237,16 @@ class SolveByCycles:
         X = cycles(np.asarray(S.T @ (S @ start)))
         return Subspace(self._matrix, cycles, S, np.ones(S.shape[0]), X, _BLOCK, vectors=self.vectors)
 
+    def _quality_met(self, gains: Array, rests: Array) -> float:
+        """:attr:`quality`, or half of what conjugate gradients have met where that is less.
+
+        What a cycle hardly changes is seen late, by few: nearly incompressible bodies have such motions.
+        """
+        if not gains.size or not (gains > 0.0).all() or not (rests > 0.0).all():
+            return self.quality
+        met = _least_ritz_value(gains, rests)
+        return self.quality if met >= self.quality else max(_SAFETY * met, np.finfo(float).tiny)
+
     def _descend(
         self, A: Matrix, diagonal: Array, cycle: Cycle, b: Array, before: float = 0.0
     ) -> tuple[Array, float, float]:
@@ -244,8 +254,8 @@ class SolveByCycles:
 
         They end once that is a small part of the whole, ``before`` included.
         """
-        quality, total = self.quality, self.vectors.total
-        x, found, left = np.zeros_like(b), 0.0, 0.0
+        total = self.vectors.total
+        x, found, left, gains, rests = np.zeros_like(b), 0.0, 0.0, list[float](), list[float]()
 
         def precondition(rest: Array) -> Array:
             nonlocal found, left
@@ -253,7 +263,10 @@ class SolveByCycles:
             z = cycle(rest)
             # b'A^-1 b = x'(b + r) + r'A^-1 r whatever x is; r'x is zero but for the rounding of the cycles.
             gained, rest_seen = total(float(x @ b) + float(x @ rest), float(rest @ z)).tolist()
-            found, left = max(gained, 0.0), max(rest_seen, 0.0) / quality
+            found, seen = max(gained, 0.0), max(rest_seen, 0.0)
+            gains.append(found)
+            rests.append(seen)
+            left = seen / self._quality_met(np.diff(gains), np.array(rests))
             # A step of length one gains at most what is left.
             return np.zeros_like(z) if left <= _DUAL_ACCURACY * (found + before) else z
 
@@ -266,6 +279,17 @@ class SolveByCycles:
             A, diagonal, b, precondition, 0.0, _CYCLES, moved, self.vectors, flexible=self.flexible
         )
         return descent.solution, found, left
+
+
+def _least_ritz_value(gains: Array, rests: Array) -> float:
+    """The least eigenvalue of C A that conjugate gradients have met: that of Lanczos' tridiagonal matrix of them.
+
+    Shapes: ``gains`` (k,), of energy in each step; ``rests`` (k + 1,), ``r'C r`` before the steps and after them.
+    """
+    steps, turns = gains / rests[:-1], rests[1:-1] / rests[:-2]
+    diagonal = 1.0 / steps
+    diagonal[1:] += turns / steps[:-1]
+    return float(la.eigvalsh_tridiagonal(diagonal, np.sqrt(turns) / steps[:-1])[0])
 
 
 def _columns(cycle: Cycle, right: Array) -> Array:
