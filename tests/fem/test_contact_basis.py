@@ -118,6 +118,102 @@ def test_rows_that_see_one_node_along_one_direction_take_unknowns_of_different_n
         np.testing.assert_allclose(hv.solve(problem).pressure, PRESSURE, rtol=1e-10)
 
 
+def bowl(x: Array) -> Array:
+    """A gap of degree 2."""
+    return -0.02 - 0.03 * (x[:, 0] - 0.4) ** 2 + 0.01 * x[:, 0] * x[:, 1]
+
+
+BARREL = hv.mechanics.Cylinder((0.5, 0.5, -49.98), (0.0, 1.0, 0.0), 50.0)
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        hv.Contact(hv.Signorini(), gap=bowl),
+        hv.Contact(hv.Signorini(), obstacle=BARREL, normals=hv.mechanics.Normals.BODY),
+        hv.Contact(hv.Signorini(), obstacle=BARREL),
+    ],
+    ids=["gap", "along the normals of the body", "along those of the obstacle"],
+)
+@pytest.mark.parametrize("method", ["newton", "multigrid"])
+def test_full_contact_on_a_curved_foundation_leaves_no_overlap_at_nodes(contact: hv.Contact, method: str) -> None:
+    problem = replace(
+        pressed(hv.Signorini()), contact={"bottom": contact}, supports={"top": hv.Clamped()}, tractions={}
+    )
+    solution = hv.solve(problem, hv.solvers.METHODS[method], controls=hv.Controls(rtol=1e-11)).raise_for_status()
+    assert (solution.pressure > 0.0).all()
+    points, normals = solution.contact.points, solution.on("bottom").normals
+    assert points is not None
+    assert normals is not None
+    gap = bowl(points)
+    if contact.obstacle is not None:
+        along = contact.normals is hv.mechanics.Normals.BODY
+        gap = BARREL.along(points, normals) if along else BARREL.distance(points)
+    moved = np.einsum("kd,kd->k", normals, solution.displacement[solution.contact.node])
+    turn = np.ptp(normals[:, 0]) / 4.0  # of the normals along half an edge, with which a shift along them counts
+    np.testing.assert_allclose(moved, gap, atol=1e-13 + turn * np.abs(solution.displacement[:, 0]).max())
+    np.testing.assert_allclose(solution.gap, gap, atol=1e-13)
+    assert np.abs(solution.penetration).max() < 1e-13
+
+
+def test_full_contact_of_two_bodies_with_a_stated_curved_gap_leaves_no_overlap_at_nodes() -> None:
+    contact = hv.Contact(hv.Signorini(), gap=bowl, against="l:top")
+    held = {"l:bottom": hv.Clamped(), "u:top": hv.Clamped()}
+    problem = hv.ContactProblem(
+        blocks((2, 2, 1), (2, 2, 1)), hv.Material.young(YOUNG, 0.3), {"u:bottom": contact}, held, order=2
+    )
+    solution = hv.solve(problem).raise_for_status()
+    assert (solution.pressure > 0.0).all()
+    nodes, own = problem.mesh.nodes(2), solution.contact.node
+    same = np.linalg.norm(nodes[:, None] - nodes[own], axis=2) < 1e-9
+    same[own, np.arange(own.size)] = False
+    other = same.argmax(axis=0)
+    overlap = solution.displacement[other, 2] - solution.displacement[own, 2] - bowl(nodes[own])
+    assert np.abs(overlap).max() < 1e-12
+
+
+def test_a_curved_gap_keeps_the_order() -> None:
+    """A layer without shear on a wave: energies of the uniform part and of the wave in closed form."""
+    k, wave, depth = np.pi, 0.003, 0.02
+    plane, confined = YOUNG / (1.0 - 0.3**2), YOUNG * 0.7 / (1.3 * 0.4)
+    stiffness = plane * k / 2.0 * (np.sinh(2.0 * k) + 2.0 * k) / (2.0 * np.sinh(k) ** 2)
+    known = 0.25 * (confined * depth**2 / 2.0 + stiffness * wave**2 / 4.0)
+    contact = hv.Contact(hv.Signorini(), gap=lambda x: -depth + wave * np.cos(k * x[:, 0]))
+    rollers = {side: hv.Roller() for side in ("top", "left", "right", "front", "back")}
+    errors = []
+    for cells in (2, 4, 8):
+        mesh = hv.box((1.0, 0.25, 1.0), (cells, 1, cells))
+        problem = hv.ContactProblem(mesh, hv.Material.young(YOUNG, 0.3), {"bottom": contact}, rollers, order=2)
+        errors.append(hv.solve(problem).energy - known)
+    assert np.log2(errors[0] / errors[1]) > 3.0
+    assert np.log2(errors[1] / errors[2]) > 3.3
+
+
+@pytest.mark.parametrize("high", [1e-3, 1e6])
+def test_a_step_of_the_gap_is_no_interference(high: float) -> None:
+    contact = {"bottom": hv.Contact(hv.Signorini(), gap=lambda x: np.where(x[:, 0] < 0.6, 0.0, high))}
+    problem = hv.discretize(replace(pressed(hv.Signorini()), contact=contact))
+    assert set(problem.gap) == {0.0, high}
+
+
+def test_held_nodes_at_a_curved_foundation_do_not_overlap_it_between_them() -> None:
+    """The gap touches at the middle of an edge that is clamped."""
+    contact = {"bottom": hv.Contact(hv.Signorini(), gap=lambda x: (x[:, 1] - 0.25) ** 2)}
+    hv.discretize(replace(pressed(hv.Signorini()), contact=contact, supports={"left": hv.Clamped()}))
+
+
+def test_penetration_is_that_of_nodes() -> None:
+    contact = {"bottom": hv.Contact(hv.Compliance(50.0), gap=bowl)}
+    solution = hv.solve(replace(pressed(hv.Signorini()), contact=contact))
+    points, node = solution.contact.points, solution.contact.node
+    assert points is not None
+    depth = -solution.displacement[node, 2] - bowl(points)
+    assert np.abs(solution.local[:, 0] - depth).max() > 1e-6
+    np.testing.assert_allclose(solution.penetration, depth, atol=1e-13)
+    np.testing.assert_allclose(solution.on("bottom").penetration, depth, atol=1e-13)
+    assert f"{depth.max():.6g}" in str(solution.summary())
+
+
 def test_methods_agree() -> None:
     """By multigrid, with linear elements below, and by condensation."""
     contact = {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(2.0))}

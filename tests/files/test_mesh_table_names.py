@@ -82,7 +82,12 @@ def test_the_order_of_tetrahedra_of_a_file(tmp_path: Path) -> None:
             again = hv.read_problem(tmp_path / "again.toml")
             assert (again.order, again.mesh.number_of_cells) == (order, cells)
     # linear elements on the corners alone are no mesh that the file gives: the mesh is written beside
-    problem = replace(parse_problem(table.format("") + rest.format(part), tmp_path), order=1)
-    hv.write_problem(problem, tmp_path / "own.toml", beside=True)
-    again = hv.read_problem(tmp_path / "own.toml")
-    assert (again.order, again.mesh.number_of_cells) == (1, 1)
+    for key, order, cells in (("", 1, 1), ("order = 1", 2, 8)):
+        problem = replace(parse_problem(table.format(key) + rest.format(part), tmp_path), order=order)
+        with pytest.raises(ProblemError, match=rf"read for elements of order {3 - order}.*order={order}\)"):
+            hv.write_problem(problem, tmp_path / f"own{order}.toml")
+        hv.write_problem(problem, tmp_path / f"own{order}.toml", beside=True)
+        again = hv.read_problem(tmp_path / f"own{order}.toml")
+        assert (again.order, again.mesh.number_of_cells) == (order, cells)
+        said = [warning for warning in hv.discretize(problem).warnings if "order=1" in warning]
+        assert len(said) == (order == 1)

@@ -183,6 +183,12 @@ def test_tetrahedra_of_second_order_keep_their_order(bend: Callable[[np.ndarray]
     for one in (mesh, cut):
         assert one.recipe is not None
         assert one.recipe.build().number_of_cells == one.number_of_cells
+    # linear tetrahedra among them have that order too, and a note says so
+    some = {"tetra10": blocks["tetra10"][:40], "tetra": [cell[:4] for cell in blocks["tetra10"][40:]]}
+    both = read_mesh(written(tmp_path / "both.vtu", points, some))
+    assert (both.suggested_order, both.number_of_cells) == (2, 48)
+    assert any("8 tetrahedra of first order have order 2 as well" in note for note in both.notes)
+    assert not any("of first order" in note for note in mesh.notes)
     # beside a part of other cells the body is one of order 2
     assert Mesh.assembled({"file": mesh.moved(np.eye(3), (2.0, 0.0, 0.0)), "box": cube}).suggested_order == 2
     with pytest.raises(hv.errors.ProblemError, match="order = 3; give 1 or 2"):

@@ -163,16 +163,16 @@ def test_point_contact(view: str) -> None:
     assert np.log2(forces[0] / forces[1]) > 1.3
 
 
-@pytest.mark.parametrize(("view", "constant"), [("sphere", 0.13), ("plane", 0.54)])
+@pytest.mark.parametrize(("view", "constant"), [("sphere", 0.26), ("plane", 0.26)])
 def test_point_contact_of_quadratic_tetrahedra(view: str, constant: float) -> None:
     """Force to O(h^2); constants are twice the measured."""
     forces = []
-    for cells in (1, 2):
+    for cells in (2, 3):
         problem, hertz = known.sphere_problem(cells, view)
         found = known.hertz_errors(solved(replace(problem, order=2)), hertz)
         forces.append(found["force"])
         assert abs(found["force"]) < constant / cells**2, cells
-    assert np.log2(forces[0] / forces[1]) > 1.6
+    assert np.log(forces[0] / forces[1]) > 1.6 * np.log(3 / 2)
 
 
 def test_quadratic_tetrahedra_of_a_round_body_touch_with_its_arcs() -> None:
@@ -182,7 +182,7 @@ def test_quadratic_tetrahedra_of_a_round_body_touch_with_its_arcs() -> None:
         problem, hertz = known.sphere_problem(2, view)
         forces.append(known.hertz_errors(solved(replace(problem, order=2, geometry=geometry)), hertz)["force"])
     assert abs(forces[1] - forces[0]) < 1e-3
-    assert abs(forces[2]) > 3.0 * abs(forces[1])
+    assert abs(forces[2] - forces[0]) > 0.05
 
 
 @pytest.mark.slow

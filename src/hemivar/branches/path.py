@@ -13,6 +13,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import LoadLine
+from hemivar.fem.contact_basis import nodal_depths
 from hemivar.solvers.boundary_result import friction_of
 
 __all__ = ["Bifurcation", "Fold", "Path", "PathEnd", "PathJump"]
@@ -249,7 +250,7 @@ class Path(PickleMixin, ReprMixin):
     @cached_property
     def max_penetration(self) -> Array:
         """Largest penetration, (k,)."""
-        return np.asarray(self.local[:, :, 0].max(axis=1, initial=-np.inf))
+        return np.asarray(nodal_depths(self.problem, self.local[:, :, 0].T).max(axis=0, initial=-np.inf))
 
     @cached_property
     def normal_force(self) -> Array:

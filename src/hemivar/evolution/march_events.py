@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import seen_place
+from hemivar.fem.contact_basis import nodal_depths
 
 __all__ = ["BondBroken", "Event", "MarginLost", "OnEvent", "Release", "Slip", "Touch", "When"]
 
@@ -217,5 +218,5 @@ class When(Event):
 
 def _deepest(discrete: DiscreteEvolution, state: TimeState, points: np.ndarray) -> float:  # type: ignore[type-arg]
     """Largest penetration of some contact points, into what is left of a foundation that is worn or has crept."""
-    place = seen_place(discrete, state)
-    return float(discrete.vectors.largest(float(place[points, 0].max(initial=-np.inf)))[0])
+    depth = nodal_depths(discrete.problem, seen_place(discrete, state)[:, 0])
+    return float(discrete.vectors.largest(float(depth[points].max(initial=-np.inf)))[0])

@@ -19,6 +19,7 @@ from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.evolution.state import TimeState
 from hemivar.fem import Deformation, deformation
+from hemivar.fem.contact_basis import nodal_depths
 from hemivar.fem.elements import barycentric_gradients, shape_values
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -64,7 +65,7 @@ def contact_forces(discrete: DiscreteEvolution, state: TimeState) -> dict[str, f
     rubbed = friction_of(force)
     if rubbed.shape[1] > 1:  # the tangents of different points point in different directions
         rubbed = discrete.problem.contact.global_vectors(force * (np.arange(lam.shape[1]) > 0))
-    depth = state.local.displacement[:, 0]
+    depth = nodal_depths(discrete.problem, state.local.displacement[:, 0])
     summed = np.empty((len(lam), rubbed.shape[1] + 2))
     summed[:, 0], summed[:, 1:-1], summed[:, -1] = force[:, 0], rubbed, np.where(lam[:, 0] > 0.0, weights, 0.0)
     for _, index in parts:

@@ -9,17 +9,25 @@ ab belongs ``(u_e - alpha (u_a + u_b)) / (1 - 2 alpha)``, which is the value of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import shape_values
+from hemivar.mechanics.statement import Quadrature
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["contact_shapes", "lagrange_moments", "nodal_values", "seen_values"]
+__all__ = ["contact_shapes", "lagrange_moments", "nodal_depths", "nodal_values", "seen_gap", "seen_values"]
 
 #: With it the weight of a corner is 2/15 of the triangle, and that of a middle 1/5.
 _ALPHA = 0.2
+#: How far a gap may be off the parabola of an edge, of the second difference there: less than at a kink or a step.
+_PARABOLA = 1.0 / 16.0
+#: The parabola through end, middle and end at the quarters of an edge.
+_QUARTERS = np.array([[0.375, 0.75, -0.125], [-0.125, 0.75, 0.375]])
 #: The functions of contact by those of Lagrange, vertices first, then the edges 01, 12 and 02.
 _CHANGE = np.block(
     [
@@ -44,16 +52,57 @@ def lagrange_moments(moments: Array) -> Array:
 
 
 def nodal_values(mesh: Mesh, order: int, nodes: IntArray, seen: Array) -> Array:
-    """A field at nodes (k,) by the values (k,) seen there; these where an end of the edge is not among the nodes."""
-    found, place = seen.copy(), np.full(len(mesh.nodes(order)), -1)
-    if order == 2 and mesh.dim == 3:
-        place[nodes] = np.arange(len(nodes))
-        middle = np.flatnonzero(nodes >= mesh.number_of_nodes)
-        ends = place[mesh.edges[nodes[middle] - mesh.number_of_nodes]]
-        both = (ends >= 0).all(axis=1)
-        at = middle[both]
-        found[at] = (1.0 - 2.0 * _ALPHA) * seen[at] + _ALPHA * seen[ends[both]].sum(axis=1)
+    """A field at nodes (k, ...) by the values seen there; these where an end of the edge is not among the nodes."""
+    found, (at, ends) = seen.copy(), _middles(mesh, order, nodes)
+    found[at] = (1.0 - 2.0 * _ALPHA) * seen[at] + _ALPHA * seen[ends].sum(axis=1)
     return found
+
+
+def nodal_depths(problem: DiscreteProblem, seen: Array) -> Array:
+    """Penetrations or gaps (m, ...) at the nodes of the contact points of a problem, by those that contact sees."""
+    stated, contact = problem.origin, problem.contact
+    if stated is None or stated.order == 1 or stated.mesh.dim == 2 or stated.quadrature is not Quadrature.NODAL:
+        return seen
+    found = seen.copy()
+    for number in np.unique(contact.boundary):
+        at = np.flatnonzero(contact.boundary == number)
+        found[at] = nodal_values(stated.mesh, stated.order, contact.node[at], seen[at])
+    return found
+
+
+def seen_gap(
+    mesh: Mesh, order: int, nodes: IntArray, alone: BoolArray, gap: Array, places: Array, gaps: Callable[[Array], Array]
+) -> Array:
+    """Gaps (k,) in the basis of contact by those at nodes (k,), so that a body that fills the gap touches at all nodes.
+
+    So it is along edges where the gap is near its parabola.  Elsewhere, as at steps and where an end is beside the
+    obstacle, it stays the one at the node: the change would be an interference where one end is far from the body.
+    So it does where contact sees the node ``alone (k,)``.  ``gaps`` gives those at other ``places``, of which there is
+    a row for each node.
+    """
+    found, (at, ends) = gap.copy(), _middles(mesh, order, nodes)
+    edges = np.column_stack([ends[:, 0], at, ends[:, 1]])
+    edges = edges[np.isfinite(gap[edges]).all(axis=1) & ~alone[at]]
+    bend = gap[edges] @ [1.0, -2.0, 1.0]
+    edges, bend = edges[bend != 0.0], bend[bend != 0.0]
+    if bend.size:
+        between = np.einsum("qn,end->qed", _QUARTERS, places[edges])
+        off = [np.abs(gaps(one) - gap[edges] @ part) for one, part in zip(between, _QUARTERS, strict=True)]
+        bend[np.max(off, axis=0) > _PARABOLA * np.abs(bend)] = 0.0
+        found[edges[:, 1]] -= _ALPHA / (1.0 - 2.0 * _ALPHA) * bend
+    return found
+
+
+def _middles(mesh: Mesh, order: int, nodes: IntArray) -> tuple[IntArray, IntArray]:
+    """Places among nodes (k,) of middles of edges, and those of their ends (m, 2), where these are among them."""
+    if order == 1 or mesh.dim == 2:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
+    place = np.full(mesh.number_of_nodes + len(mesh.edges), -1)
+    place[nodes] = np.arange(len(nodes))
+    middle = np.flatnonzero(nodes >= mesh.number_of_nodes)
+    ends = place[mesh.edges[nodes[middle] - mesh.number_of_nodes]]
+    both = (ends >= 0).all(axis=1)
+    return middle[both], ends[both]
 
 
 def seen_values(mesh: Mesh, order: int, nodes: IntArray) -> sp.csr_array:

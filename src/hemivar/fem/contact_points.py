@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair, bulge
-from hemivar.fem.contact_basis import seen_values
+from hemivar.fem.contact_basis import seen_gap, seen_values
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.rings import facet_shares, weightless
@@ -24,8 +24,9 @@ from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
-from hemivar.mechanics.obstacles import obstacle_contact
+from hemivar.mechanics.obstacles import Normals, obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
+from hemivar.mesh.mesh import Mesh
 
 __all__ = [
     "BoundaryContact",
@@ -105,19 +106,20 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
                 "name another boundary"
             )
         nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
-        average, facet, points = seen_values(mesh, order, nodes), np.full(len(nodes), -1), supports.nodes[nodes]
+        average, facet, points = _seen(mesh, order, nodes, supports), np.full(len(nodes), -1), supports.nodes[nodes]
     else:
         rows = np.repeat(np.arange(len(facets)), members.shape[1])
         nodes, facet = np.full(len(facets), -1), np.arange(len(facets))
         average = sp.csr_array((np.tile(share, len(facets)), (rows, members.ravel())), shape=(len(facets), count))
         normal, weights, points = unit(normals), measures, mesh.points[facets].mean(axis=1)
     if contact.obstacle is None:
-        gap = DataField(contact.gap, f"gap of contact '{name}'").at(points)
-        _refuse_beyond(gap, f"gap of contact '{name}'", "unit of length")
+        gap = _stated_gap(problem, average, nodes, points, f"gap of contact '{name}'", contact.gap)
     else:
         assert contact.normals is not None
         places = points + _to_arcs(problem, name, nodes)
         normal, gap = obstacle_contact(contact.obstacle, contact.normals, places, normal, f"contact '{name}'")
+        alone = np.diff(average.indptr) == 1
+        gap = seen_gap(mesh, order, nodes, alone, gap, np.hstack([places, normal]), _gaps_along(contact))
         meets = np.isfinite(gap)
         if not meets.all():
             with error_context(f"contact '{name}'", contact.normal, contact.friction):
@@ -137,6 +139,37 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     found = ContactPoints(trace, weights, points, frames, nodes, facet, boundary, names, mean=average)
     with error_context(f"contact '{name}'", contact.normal, contact.friction):
         return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
+
+
+def _seen(mesh: Mesh, order: int, nodes: IntArray, supports: Supports) -> sp.csr_array:
+    """What contact points at nodes (k,) see; where supports hold all of it the node alone, whose law must bear it."""
+    average, free = seen_values(mesh, order, nodes), (supports.count < mesh.dim).astype(float)
+    moves = (abs(average) @ free > 0.0).astype(float)
+    alone = sp.csr_array((1.0 - moves, (np.arange(len(nodes)), nodes)), shape=average.shape)
+    found = sp.csr_array(sp.diags_array(moves) @ average + alone)
+    found.eliminate_zeros()
+    return found
+
+
+def _stated_gap(
+    problem: ContactProblem, average: sp.csr_array, nodes: IntArray, points: Array, where: str, value: object
+) -> Array:
+    """A gap or level as contact sees it at nodes (k,), or that at points (k, d) of facets."""
+    field = DataField(value, where)
+    gap = field.at(points)
+    _refuse_beyond(gap, where, "unit" if problem.kind else "unit of length")
+    if field.alike:
+        return gap
+    return seen_gap(problem.mesh, problem.order, nodes, np.diff(average.indptr) == 1, gap, points, field.at)
+
+
+def _gaps_along(contact: Contact) -> Callable[[Array], Array]:
+    """The gap (q,) of an obstacle by places and normals of a body side by side, (q, 2 d)."""
+    obstacle = contact.obstacle
+    assert obstacle is not None
+    if contact.normals is not Normals.BODY:
+        return lambda rows: obstacle.distance(np.hsplit(rows, 2)[0])
+    return lambda rows: obstacle.along(np.hsplit(rows, 2)[0], unit(np.hsplit(rows, 2)[1]))
 
 
 def _to_arcs(problem: ContactProblem, name: str, nodes: IntArray) -> Array:
@@ -217,8 +250,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     contact, title = problem.contact[name], _called(problem, name)
     found, normal = pair_projection(problem, name, supports)
     points = supports.nodes[found.nodes]
-    stated = DataField(contact.gap, f"gap of {title}").at(points)
-    _refuse_beyond(stated, f"gap of {title}", "unit of length")
+    stated = _stated_gap(problem, found.jump, found.nodes, points, f"gap of {title}", contact.gap)
     arcs = arcs_of_pair(problem, name, found, normal, title)
     nodes = supports.nodes - points[0]
     apart = arcs.apart - np.einsum("kd,kd->k", normal, found.jump @ nodes)
@@ -349,13 +381,12 @@ def contacts_of_one(
     for place in places:
         contact, at, count = place.contact, nodes[place.nodes], len(place.nodes)
         where = f"level of contact '{place.name}'"
-        level = DataField(contact.gap, where).at(at)
-        _refuse_beyond(level, where, "unit")
         sign = 1.0 if contact.side is Side.ABOVE and (place.sides is None or place.sides[0] == place.name) else -1.0
         with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
             law = contact.law.at(at)
         column = int(contact.rubs)
         mean = seen_values(problem.mesh, problem.order, place.nodes) if place.jump is None else place.jump
+        level = _stated_gap(problem, mean, place.nodes, at, where, contact.gap)
         entries = mean.tocoo()
         rows = entries.row * components + column
         trace = sp.csr_array((sign * entries.data, (rows, entries.col)), shape=(count * components, len(nodes)))

@@ -167,13 +167,27 @@ def _discretize(
     discrete = DiscreteProblem(
         Model(body.bulk, contact, Space((field,)), problem, body.bedded > 0.0),
         Loading(load, offset, law, constant + energy),
-        tuple(said for said in (locking_warning(problem), left_out, soft, *conditions.warnings) if said is not None),
+        tuple(
+            said
+            for said in (locking_warning(problem), _uncut(problem), left_out, soft, *conditions.warnings)
+            if said is not None
+        ),
     )
     if check_coercivity:
         discrete = refuse_free_motion(discrete, full_load)
         for warning in discrete.notes:
             logging.getLogger("hemivar").info("%s", warning)
     return discrete if start is None else discrete.with_(offset=offset - contact.trace_of(field.origin))
+
+
+def _uncut(problem: ContactProblem) -> str | None:
+    """That linear elements leave out the middles of edges that a file has, in words; None where they do not."""
+    if problem.order == 2 or problem.mesh.dim == 2 or problem.mesh.suggested_order == 1:
+        return None
+    return (
+        "linear elements leave out the middles of the edges of tetrahedra of second order, and so are coarse; "
+        "read_mesh(path, order=1) cuts the tetrahedra there"
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -429,12 +429,16 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     recipe = problem.mesh.recipe
     if recipe is not None and files is not None and difference(problem.mesh, recipe.build(), "mesh"):
         recipe = None  # the mesh was changed by replace(), or its file is another one by now
-    if problem.order == 1 and problem.mesh.dim == 3 and problem.mesh.suggested_order == 2:
-        recipe = None  # its file would be read for linear elements, and cut
+    made = "made of arrays, or changed after it was made"
+    can = "rectangles, boxes and mesh files, scaled and then refined: beside=True writes the mesh as a file"
+    if recipe is not None and (read := _read_for(recipe, problem)) != problem.order:
+        recipe, made = None, f"read for elements of order {read}, and the problem has order {problem.order}"
+        can = (
+            f"the mesh of read_mesh(path, order={problem.order}): read it so, or beside=True writes the mesh as a file"
+        )
     if recipe is None:
         if files is None:
-            can = "rectangles, boxes and mesh files, scaled and then refined: beside=True writes the mesh as a file"
-            raise not_expressible("mesh", "made of arrays, or changed after it was made", can)
+            raise not_expressible("mesh", made, can)
         recipe = MeshRecipe(files.put("mesh.msh", msh_text(problem.mesh)))
     aside = SideFiles(folder, None if files is None else files.table)
     data: dict[str, object] = {"kind": problem.kind.value} if problem.kind else {}
@@ -447,6 +451,14 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     if stated.heat is not None:
         data["heat"] = heat_record(stated.heat, aside)
     return _encoded(data | _time_records(stated, problem.kind), settings)
+
+
+def _read_for(recipe: MeshRecipe, problem: ContactProblem) -> int:
+    """The order that mesh files were read for, if they give another mesh for the order of the problem; else that."""
+    mesh, order = problem.mesh, int(problem.order)
+    if order == 1 and mesh.dim == 3 and mesh.suggested_order == 2:
+        return 2
+    return 1 if order == 2 and recipe.linear and difference(mesh, recipe.as_suggested.build(), "mesh") else order
 
 
 def _mesh_table(top: TomlTable) -> TomlTable:

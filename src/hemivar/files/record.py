@@ -148,7 +148,7 @@ def _contact_record(solution: Solution) -> Record:
         "normal": None if problem.contact.frames is None else problem.contact.frames[:, 0],
         "boundary": boundary_names(problem),
         "weight": problem.contact.weights,
-        "gap": problem.gap,
+        "gap": solution.gap,
         "penetration": solution.penetration,
         "slip": _tangential(solution.slip),
         "pressure": solution.pressure,

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.history import damage_of, law_at, remembered
+from hemivar.fem.contact_basis import nodal_depths
 from hemivar.fem.thermal_stress import cell_thermal_stress
 from hemivar.solvers.boundary_result import ContactValues
 from hemivar.solvers.contact_states import ContactStates, contact_states
@@ -55,7 +56,12 @@ class Snapshot(ContactValues):
     @property
     def gap(self) -> Array:  # type: ignore[override]
         """Distance between body and foundation along the normal, (m,)."""
-        return self.problem.gap
+        return nodal_depths(self.problem, self.problem.gap)
+
+    @property
+    def penetration(self) -> Array:  # type: ignore[override]
+        """What the body is beyond its foundation, (m,)."""
+        return nodal_depths(self.problem, self.local[:, 0])
 
 
 def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:

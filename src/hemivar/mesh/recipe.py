@@ -241,6 +241,13 @@ class MeshRecipe:
         parts = self.source.parts.values() if isinstance(self.source, Assembly) else ()
         return self.order == 1 or any(part.linear for part in parts)
 
+    @property
+    def as_suggested(self) -> MeshRecipe:
+        """The recipe with its mesh files read for the order that they suggest."""
+        if not isinstance(self.source, Assembly):
+            return replace(self, order=None)
+        return replace(self, source=Assembly({name: part.as_suggested for name, part in self.source.parts.items()}))
+
     def refined(self) -> MeshRecipe:
         """The recipe of the mesh refined once more."""
         return replace(self, refine=self.refine + 1)

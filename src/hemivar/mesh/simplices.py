@@ -315,6 +315,8 @@ def _notes(raw: RawMesh, dim: int, origin: IntArray, order: int, cut: bool, off:
             if pieces != many:
                 how = "cut at the middles of their edges" if cut else "split"
                 yield f"{many} {shape.plural}{second} were {how} into {pieces} {names}" + (" of order 1" if cut else "")
+            if not quadratic and order == 2:
+                yield f"{many} {shape.plural} of first order have order 2 as well, as those of second order beside them"
             if quadratic and order == 2:
                 have = "have" if off <= _STRAIGHT else "were given"
                 yield f"{many} {shape.plural} of second order {have} straight edges: order = 2 unless another is given"

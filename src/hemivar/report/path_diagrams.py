@@ -11,6 +11,7 @@ from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
 from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
 from hemivar.errors import ProblemError
+from hemivar.fem.contact_basis import nodal_depths
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes, axes_on, drawing, legend_beside, with_unit
 
 if TYPE_CHECKING:
@@ -31,7 +32,14 @@ def fitting_quantity(path: Path) -> str:
 
 
 def _along(path: Path, chosen: PathQuantity) -> Array:
-    return chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
+    return _evaluated(path, chosen, path.local, path.multiplier)
+
+
+def _evaluated(path: Path, chosen: PathQuantity, local: Array, multiplier: Array) -> Array:
+    depth = nodal_depths(path.problem, local[:, :, 0].T).T
+    return chosen.evaluate(
+        path.problem.contact.weights, np.concatenate([depth[:, :, None], local[:, :, 1:]], 2), multiplier
+    )
 
 
 def _quantity(name: str) -> PathQuantity:
@@ -70,7 +78,9 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
             "load_factor": jump.load_factor,
             "point": jump.index,
             "loading": jump.loading,
-            "max_penetration_after": None if jump.local is None else float(jump.local[:, 0].max()),
+            "max_penetration_after": None
+            if jump.local is None
+            else float(nodal_depths(path.problem, jump.local[:, 0]).max()),
             "interpolated": jump.interpolated,
             "single_point": jump.snaps,
         }
@@ -165,7 +175,7 @@ def _draw_jumps(ax: Axes, path: Path, chosen: PathQuantity, x: Array) -> None:
     for jump in path.main_jumps:
         if jump.local is None:
             continue
-        end = chosen.evaluate(path.problem.contact.weights, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
+        end = _evaluated(path, chosen, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
         colour = ORANGE if jump.loading else RED
         start = x[jump.index]
         ax.plot([], [], "-", linewidth=0.8, color=colour, label=labels.pop(jump.loading, "_nolegend_"))

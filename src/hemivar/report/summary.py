@@ -167,7 +167,8 @@ def _force_size(solution: Solution) -> float:
 def seen_local(solution: Solution) -> Array:
     """Penetration and slip (m, c), zero where they are rounding of the displacements of two bodies that touch."""
     size = float(np.abs(solution.unknowns).max(initial=0.0)) if solution.contact.pairs else 0.0
-    return np.where(np.abs(solution.local) <= _STILL * size, 0.0, solution.local)
+    local = np.column_stack([solution.penetration, solution.slip])
+    return np.where(np.abs(local) <= _STILL * size, 0.0, local)
 
 
 def _beyond_rounding(force: float, size: float) -> float:

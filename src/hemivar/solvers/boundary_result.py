@@ -29,7 +29,10 @@ class ContactValues:
 
     contact: ContactPoints
     gap: Array  # (m,): distance between body and foundation along the normal
-    local: Array  # (m, c): penetration (column 0) and slip
+    penetration: Array  # (m,): u_nu - g at each contact point; positive into the foundation
+    # (m, c): penetration (column 0) and slip as contact sees them: the former differs from the one at the node in the
+    # middle of edges of quadratic tetrahedra
+    local: Array
     # (m, c): force per area of the body on the foundation: pressure (column 0), and minus the friction
     multiplier: Array
     states: ContactStates  # what each point does, along the normal and along the foundation
@@ -47,11 +50,6 @@ class ContactValues:
     def tangential_state(self) -> IntArray:
         """A :class:`hemivar.solvers.TangentialState` for each point, (m,): free, stick or slip."""
         return self.states.tangential
-
-    @property
-    def penetration(self) -> Array:
-        """u_nu - g at each contact point, (m,); positive into the foundation."""
-        return self.local[:, 0]
 
     @property
     def slip(self) -> Array:
@@ -128,8 +126,10 @@ class BoundaryResult(ContactValues, PickleMixin):
         These points.
     gap : array (m,)
         Distance between body and foundation along the normal.
+    penetration : array (m,)
+        ``u_nu - g``; positive into the foundation.
     local : array (m, c)
-        Penetration (column 0) and slip.
+        Penetration (column 0) and slip, as contact sees them.
     multiplier : array (m, c)
         Force per area of the body on the foundation: pressure (column 0), and minus the friction.
     states : ContactStates
@@ -142,6 +142,7 @@ class BoundaryResult(ContactValues, PickleMixin):
     index: IntArray
     contact: ContactPoints
     gap: Array
+    penetration: Array
     local: Array
     multiplier: Array
     states: ContactStates
@@ -178,7 +179,7 @@ class BoundaryResult(ContactValues, PickleMixin):
 
 def contact_table(seen: ContactValues) -> NDArray[np.void]:
     """One row for each contact point, see :attr:`hemivar.Solution.contact_table`."""
-    contact, local, multiplier, states = seen.contact, seen.local, seen.multiplier, seen.states
+    contact, multiplier, states = seen.contact, seen.multiplier, seen.states
     columns: dict[str, NDArray[np.generic]] = {}
     if contact.names:
         columns["boundary"] = np.array([*contact.names, ""])[contact.boundary]
@@ -188,7 +189,8 @@ def contact_table(seen: ContactValues) -> NDArray[np.void]:
         columns["normal"] = contact.frames[:, 0]
     columns |= {"weight": contact.weights, "gap": seen.gap}
     forces = np.column_stack([multiplier[:, 0], friction_of(multiplier)])
-    for normal, tangential, values in (("penetration", "slip", local), ("pressure", "friction", forces)):
+    moves = np.column_stack([seen.penetration, seen.slip])
+    for normal, tangential, values in (("penetration", "slip", moves), ("pressure", "friction", forces)):
         columns[normal] = values[:, 0]
         if contact.components > 1:
             columns[tangential] = values[:, 1] if contact.components == 2 else values[:, 1:]

@@ -24,6 +24,7 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import ProblemError
+from hemivar.fem.contact_basis import nodal_depths
 from hemivar.fem.fields import strain, stress, von_mises
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of, slid_beyond
@@ -154,11 +155,16 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     @property
     def gap(self) -> Array:  # type: ignore[override]
         """Distance between body and foundation along the normal at each contact point, (m,)."""
-        return self.problem.gap
+        return nodal_depths(self.problem, self.problem.gap)
+
+    @cached_property
+    def penetration(self) -> Array:  # type: ignore[override]
+        """u_nu - g at each contact point, (m,); positive into the foundation."""
+        return nodal_depths(self.problem, self.local[:, 0])
 
     @cached_property
     def local(self) -> Array:  # type: ignore[override]
-        """Local displacement r = B u - g, shape (m, d): penetration and slip."""
+        """Local displacement r = B u - g, shape (m, d): penetration and slip, as contact sees them."""
         return self.problem.local(self.unknowns)
 
     @cached_property
@@ -282,6 +288,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
             index,
             points,
             self.gap[index],
+            self.penetration[index],
             self.local[index],
             self.multiplier[index],
             self.states.take(index),
@@ -372,5 +379,5 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
 
 def _depth(solution: Solution) -> str:
     """The largest penetration, or of glue the largest opening."""
-    r = solution.local[:, 0]
+    r = solution.penetration
     return f"opening at most {-r.min():.4g}" if solution.debonding else f"penetration at most {r.max():.4g}"
