@@ -27,8 +27,8 @@ __all__ = ["Walk"]
 
 #: Steps at most.
 _STEPS = 2000
-#: By how much the resistance is eased, and how it grows; after it has grown it is held.
-_EASED, _GROWS, _HELD = 8.0, 4.0, 1.0
+#: By how much the resistance is eased at most and at least, and how it grows.
+_EASED, _LEAST, _GROWS = 8.0, 1.3, 4.0
 #: What it begins with, as a part of the most that is needed.
 _BEGINS = 1.0 / 64.0
 #: Part of the tolerance of the whole that a step may miss, and that is left where the body rests.
@@ -51,7 +51,7 @@ class Walk:
 
     def down(self, r: Array, lam: Array) -> Solution | None:
         """The minimiser that is reached from a place near a pair (m, d); None where steps do not settle."""
-        resistance, wait, left, eased = self.most * _BEGINS, 1, 1, _EASED
+        resistance, wait, left, eased, ease = self.most * _BEGINS, 1, 1, 1.0, _EASED
         budget = Budget(self.controls.max_time)
         for _ in range(_STEPS):
             check_time()
@@ -65,8 +65,9 @@ class Walk:
                     return ended
                 left = wait = 2 * wait
             point = self._step(r, lam, resistance)
-            if point is None:
-                resistance, eased = _GROWS * resistance, _HELD
+            if point is None:  # back to what the last step stood against; if that fails, beyond
+                resistance, ease = (eased if eased > 1.0 else _GROWS) * resistance, max(math.sqrt(ease), _LEAST)
+                eased = 1.0
                 if resistance > _GROWS * self.most:
                     return None
                 continue
@@ -77,7 +78,8 @@ class Walk:
             if self._falls_for_ever(point, r - before):
                 return self._solution(r, self._multiplier(point), Status.NOT_CARRIED)
             left = 1 if off <= allowed else left
-            resistance, eased = resistance / eased, _EASED
+            ease = min(ease**2, _EASED) if eased > 1.0 else ease
+            resistance, eased = resistance / ease, ease
         return None
 
     def _tolerance(self, lam: Array) -> float:
