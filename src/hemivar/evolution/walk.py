@@ -19,6 +19,8 @@ from hemivar.basics.deadline import Budget, check_time
 from hemivar.basics.types import Array
 from hemivar.evolution.barrier import PARTS, bends_downwards
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
+from hemivar.solvers.base import State
+from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton_on_graph import FEW_ROUNDS, SEMISMOOTH, GraphEquation, GraphPoint, stands
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.newton_equation import Accuracy
@@ -35,7 +37,11 @@ _BEGINS = 1.0 / 64.0
 _TIGHT, _AT_REST = 0.1, 1e-3
 #: Sizes of the body from its place at which nothing holds one that still falls.
 _AWAY = 100.0
+#: Bounds that are held one after another in a step, at most.
+_FROZEN = 4
 _DIRECT = Accuracy(0.0, 0.0, 1)
+#: What goes downhill where a bound is held, and to which tolerance.
+_SEARCH, _HELD = NonsmoothNewton().downhill(), Controls(rtol=1e-6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +70,7 @@ class Walk:
                 if ended is not None:
                     return ended
                 left = wait = 2 * wait
-            point = self._step(r, lam, resistance)
+            point = self._step(r, lam, resistance, eased == 1.0)
             if point is None:  # back to what the last step stood against; if that fails, beyond
                 resistance, ease = (eased if eased > 1.0 else _GROWS) * resistance, max(math.sqrt(ease), _LEAST)
                 eased = 1.0
@@ -86,30 +92,48 @@ class Walk:
         size = self.system.problem.loading.load_size + norm(self.system.weights[:, None] * lam)
         return self.controls.atol + self.controls.rtol * size
 
-    def _step(self, r: Array, lam: Array, resistance: float) -> GraphPoint | None:
-        """A step against a resistance; None where it does not count."""
+    def _step(self, r: Array, lam: Array, resistance: float, thorough: bool = False) -> GraphPoint | None:
+        """A step against a resistance; None where it does not count.
+
+        ``thorough``: where a bound follows the state, whether it may be held meanwhile.
+        """
         system = self.system if resistance == 0.0 else self.system.resisted(resistance * self.norm, r)
-        equation = GraphEquation.of(system, system.law.weak_convexity_at(r))
-        point = None if equation is None else equation.begin(np.where(system.active, r, system.fixed), lam)
-        for _ in range(FEW_ROUNDS):
-            found = None if point is None or equation is None else equation.step(point, _DIRECT)
-            if found is None or equation is None:
-                return None
-            point = equation.at(*found[:2])
-            if point is None:
-                return None
-            missed = norm(equation.missed(point))
-            if not math.isfinite(missed):
-                return None
-            if missed <= _TIGHT * self._tolerance(point.on.multiplier):
-                break
-        else:
+        point = self._settled(system, r, lam)
+        if point is None and thorough and system.law.state_dependent:
+            point = self._frozen_first(system, r, lam)
+        if point is None:
             return None
-        assert point is not None
         law, way = system.law.frozen(point.x, point.on.multiplier), point.x - r
         body = np.full(PARTS, float(way.ravel() @ (system.matrix @ way.ravel())))
         counts = stands(system, point.x, point.on.multiplier)
         return point if counts and not bends_downwards(law, system.weights, r, point.x, body) else None
+
+    def _settled(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
+        """Where Newton's equations lead from a pair; None where they do not settle."""
+        equation = GraphEquation.of(system, system.law.weak_convexity_at(r))
+        point = None if equation is None else equation.begin(np.where(system.active, r, system.fixed), lam)
+        for _ in range(FEW_ROUNDS):
+            found = None if point is None or equation is None else equation.step(point, _DIRECT)
+            point = None if found is None or equation is None else equation.at(*found[:2])
+            if point is None or equation is None or not math.isfinite(missed := norm(equation.missed(point))):
+                return None
+            if missed <= _TIGHT * self._tolerance(point.on.multiplier):
+                return point
+        return None
+
+    def _frozen_first(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
+        """The same where the sets of a bound that follows the state go round: from where the bound, held, leads."""
+        for _ in range(_FROZEN):
+            held = system.with_law(system.law.frozen(r, lam))
+            begin, budget = State(r, held.multiplier(r)), Budget(self.controls.max_time)
+            found, status, _ = iterate(_SEARCH, held, begin, _HELD, budget)
+            if status is not Status.CONVERGED:
+                return None
+            r, lam = found.r, np.where(system.active, held.law.nearest_multiplier(found.r, found.lam), found.lam)
+            point = self._settled(system, r, lam)
+            if point is not None:
+                return point
+        return None
 
     def _multiplier(self, point: GraphPoint) -> Array:
         """That of the laws at a place, and of supports what they hold."""
