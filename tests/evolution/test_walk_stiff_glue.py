@@ -174,8 +174,8 @@ def test_a_cycle_of_a_lap_joint_costs_a_hundred_static_solves(solves: list[int])
     """Damaged glue unloads along its secants: without load nothing is left of the displacement, and with it the joint
     is where it was."""
     glue = ModeDependentGlue(35.0, 25.0, 21008.0, BenzeggaghKenane(0.5, 1.2, 2.0), 4596.0, hv.Compliance(21008.0))
-    upper = hv.rectangle((100.0, 1.6), (48, 1)).marked({"overlap": "y < 1e-6 and x > 87.4"})
-    lower = hv.rectangle((100.0, 1.6), (48, 1), origin=(87.5, -1.6)).marked({"overlap": "y > -1e-6 and x < 100.1"})
+    upper = hv.rectangle((100.0, 1.6), (100, 1)).marked({"overlap": "y < 1e-6 and x > 87.4"})
+    lower = hv.rectangle((100.0, 1.6), (100, 1), origin=(87.5, -1.6)).marked({"overlap": "y > -1e-6 and x < 100.1"})
     problem = hv.ContactProblem(
         hv.Mesh.assembled({"upper": upper, "lower": lower}),
         hv.Material.young(70e3, 0.33),
