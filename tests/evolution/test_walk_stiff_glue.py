@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -101,6 +102,95 @@ def test_a_jump_of_stiff_glue_costs_tens_of_static_solves(name: str, solves: lis
     assert history["jumped"].sum() == 1
     assert max(solves) <= 51
     assert -history.frames[-1].local[0, 0] > 10.0 * LAST
+
+
+def halves(contact: hv.Contact, **more: object) -> hv.ContactProblem:
+    """A double cantilever that is one body: open up to 49.5 mm, glued beyond, clamped at the far end."""
+    mesh = hv.rectangle((90.0, 6.0), (20, 4), origin=(0.0, -3.0))
+    x, y = mesh.points[mesh.cells].mean(axis=1).T
+    parts = {"top": (y > 0.0) & (x > 49.0), "low": (y < 0.0) & (x > 49.0)}
+    arms = {"top arm": (y > 0.0) & (x < 49.0), "low arm": (y < 0.0) & (x < 49.0)}
+    mesh = mesh.named({}, {name: np.flatnonzero(chosen) for name, chosen in (parts | arms).items()})
+    mesh = mesh.marked({"up": "x < 1e-9 and y > -1e-9", "down": "x < 1e-9 and y < 1e-9", "far": "x > 90 - 1e-9"})
+    mesh = mesh.opened("crack", between=("top arm", "low arm")).opened("glue", between=("top", "low"))
+    supports = {"far": "clamped", **more.pop("supports", {})}  # type: ignore[dict-item]
+    joint = {"glue:top": replace(contact, against="glue:low")}
+    material = hv.Material.young(70e3, 0.3, plane="stress")
+    return hv.ContactProblem(mesh, material, joint, supports, order=2, **more)  # type: ignore[arg-type]
+
+
+def forced(contact: hv.Contact, up: float, down: float) -> Evolution:
+    """Dead loads grow on its two ends."""
+
+    def growing(load: float) -> object:
+        return lambda x, t: np.tile([0.0, load * t], (len(x), 1))
+
+    return Evolution(halves(contact, tractions={"up": growing(up), "down": growing(-down)}))
+
+
+@pytest.mark.parametrize("name", [*LAWS, "coulomb"])
+def test_steps_of_an_opened_joint_cost_a_few_static_solves(name: str, solves: list[int]) -> None:
+    """Both ends are moved apart; with memory, friction, both or neither."""
+    contact = LAWS.get(name, hv.Contact(ADHESIVE, hv.Coulomb(0.3)))
+
+    def moving(rate: float) -> hv.Fixed:
+        return hv.Fixed(y=lambda x, t: np.full(len(x), rate * t))
+
+    history = march(Evolution(halves(contact, supports={"up": moving(0.5), "down": moving(-0.5)})), 1.0, step=0.25)
+    assert history.finished
+    assert history.margin < -1e2
+    assert not history["jumped"].any()
+    assert max(solves) <= 5
+    assert FIRST < -history.frames[-1].local[:, 0].min() < LAST
+
+
+@pytest.mark.parametrize("name", [slow("adhesive"), "with friction", slow("mixed mode"), slow("two energies")])
+def test_a_jump_of_an_opened_joint_costs_tens_of_static_solves(name: str, solves: list[int]) -> None:
+    history = march(forced(LAWS[name], 4.0, 4.0), 1.0, step=0.25)
+    assert history.finished
+    assert history["jumped"].sum() == 1
+    assert max(solves) <= 50
+
+
+@pytest.mark.parametrize(("down", "friction"), [(4.0, 0.3), *(slow(d, f) for d in (3.2, 2.0) for f in (0.1, 0.3, 0.6))])
+def test_coulombs_friction_beside_glue_jumps_as_glue_does(down: float, friction: float, solves: list[int]) -> None:
+    """Where the ends are pulled alike nothing slips, and friction does nothing; else it keeps to its bound.
+
+    Each try of the walk counts; one costs less than a static solve.
+    """
+    contact = hv.Contact(ADHESIVE, hv.Coulomb(friction))
+    history = march(forced(contact, 4.0, down), 1.0, step=0.25)
+    assert history.finished
+    assert history["jumped"].sum() == 1
+    assert max(solves) <= 60
+    end = history.frames[-1]
+    assert (np.abs(end.multiplier[:, 1]) <= friction * np.maximum(end.multiplier[:, 0], 0.0) + 1e-8).all()
+    if down == 4.0:
+        free = march(forced(LAWS["adhesive"], 4.0, 4.0), 1.0, step=0.25).frames[-1]
+        np.testing.assert_allclose(end.local[:, 0], free.local[:, 0], atol=1e-6)
+
+
+def test_a_cycle_of_a_lap_joint_costs_a_hundred_static_solves(solves: list[int]) -> None:
+    """Damaged glue unloads along its secants: without load nothing is left of the displacement, and with it the joint
+    is where it was."""
+    glue = ModeDependentGlue(35.0, 25.0, 21008.0, BenzeggaghKenane(0.5, 1.2, 2.0), 4596.0, hv.Compliance(21008.0))
+    upper = hv.rectangle((100.0, 1.6), (100, 1)).marked({"overlap": "y < 1e-6 and x > 87.4"})
+    lower = hv.rectangle((100.0, 1.6), (100, 1), origin=(87.5, -1.6)).marked({"overlap": "y > -1e-6 and x < 100.1"})
+    problem = hv.ContactProblem(
+        hv.Mesh.assembled({"upper": upper, "lower": lower}),
+        hv.Material.young(70e3, 0.33),
+        {"upper:overlap": hv.Contact(glue, against="lower:overlap")},
+        {"upper:left": "clamped", "lower:right": hv.Fixed(y=0.0)},
+        tractions={"lower:right": lambda x, t: np.tile([100.0 * (1.0 - abs((t % 2.0) - 1.0)), 0.0], (len(x), 1))},
+        order=2,
+    )
+    history = march(Evolution(problem), 3.0, step=0.125)
+    assert history.finished
+    assert history["memory"][-1] > 0.1
+    assert sum(solves) <= 100
+    loaded, free, again = (history.frames[k] for k in (8, 16, 24))
+    np.testing.assert_allclose(free.displacement, 0.0, atol=1e-8)
+    np.testing.assert_allclose(again.local, loaded.local, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", [0, 2, slow(1), slow(3), slow(4)])

@@ -19,6 +19,8 @@ from hemivar.basics.deadline import Budget, check_time
 from hemivar.basics.types import Array
 from hemivar.evolution.barrier import PARTS, bends_downwards
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
+from hemivar.solvers.base import State
+from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton_on_graph import FEW_ROUNDS, SEMISMOOTH, GraphEquation, GraphPoint, stands
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.newton_equation import Accuracy
@@ -27,15 +29,19 @@ __all__ = ["Walk"]
 
 #: Steps at most.
 _STEPS = 2000
-#: By how much the resistance is eased, and how it grows; after it has grown it is held.
-_EASED, _GROWS, _HELD = 8.0, 4.0, 1.0
+#: By how much the resistance is eased at most and at least, and how it grows.
+_EASED, _LEAST, _GROWS = 8.0, 1.3, 4.0
 #: What it begins with, as a part of the most that is needed.
 _BEGINS = 1.0 / 64.0
 #: Part of the tolerance of the whole that a step may miss, and that is left where the body rests.
 _TIGHT, _AT_REST = 0.1, 1e-3
 #: Sizes of the body from its place at which nothing holds one that still falls.
 _AWAY = 100.0
+#: Bounds that are held one after another in a step, at most.
+_FROZEN = 4
 _DIRECT = Accuracy(0.0, 0.0, 1)
+#: What goes downhill where a bound is held, and to which tolerance.
+_SEARCH, _HELD = NonsmoothNewton().downhill(), Controls(rtol=1e-6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +57,7 @@ class Walk:
 
     def down(self, r: Array, lam: Array) -> Solution | None:
         """The minimiser that is reached from a place near a pair (m, d); None where steps do not settle."""
-        resistance, wait, left, eased = self.most * _BEGINS, 1, 1, _EASED
+        resistance, wait, left, eased, ease = self.most * _BEGINS, 1, 1, 1.0, _EASED
         budget = Budget(self.controls.max_time)
         for _ in range(_STEPS):
             check_time()
@@ -64,9 +70,10 @@ class Walk:
                 if ended is not None:
                     return ended
                 left = wait = 2 * wait
-            point = self._step(r, lam, resistance)
-            if point is None:
-                resistance, eased = _GROWS * resistance, _HELD
+            point = self._step(r, lam, resistance, eased == 1.0)
+            if point is None:  # back to what the last step stood against; if that fails, beyond
+                resistance, ease = (eased if eased > 1.0 else _GROWS) * resistance, max(math.sqrt(ease), _LEAST)
+                eased = 1.0
                 if resistance > _GROWS * self.most:
                     return None
                 continue
@@ -77,37 +84,56 @@ class Walk:
             if self._falls_for_ever(point, r - before):
                 return self._solution(r, self._multiplier(point), Status.NOT_CARRIED)
             left = 1 if off <= allowed else left
-            resistance, eased = resistance / eased, _EASED
+            ease = min(ease**2, _EASED) if eased > 1.0 else ease
+            resistance, eased = resistance / ease, ease
         return None
 
     def _tolerance(self, lam: Array) -> float:
         size = self.system.problem.loading.load_size + norm(self.system.weights[:, None] * lam)
         return self.controls.atol + self.controls.rtol * size
 
-    def _step(self, r: Array, lam: Array, resistance: float) -> GraphPoint | None:
-        """A step against a resistance; None where it does not count."""
+    def _step(self, r: Array, lam: Array, resistance: float, thorough: bool = False) -> GraphPoint | None:
+        """A step against a resistance; None where it does not count.
+
+        ``thorough``: where a bound follows the state, whether it may be held meanwhile.
+        """
         system = self.system if resistance == 0.0 else self.system.resisted(resistance * self.norm, r)
-        equation = GraphEquation.of(system, system.law.weak_convexity_at(r))
-        point = None if equation is None else equation.begin(np.where(system.active, r, system.fixed), lam)
-        for _ in range(FEW_ROUNDS):
-            found = None if point is None or equation is None else equation.step(point, _DIRECT)
-            if found is None or equation is None:
-                return None
-            point = equation.at(*found[:2])
-            if point is None:
-                return None
-            missed = norm(equation.missed(point))
-            if not math.isfinite(missed):
-                return None
-            if missed <= _TIGHT * self._tolerance(point.on.multiplier):
-                break
-        else:
+        point = self._settled(system, r, lam)
+        if point is None and thorough and system.law.state_dependent:
+            point = self._frozen_first(system, r, lam)
+        if point is None:
             return None
-        assert point is not None
         law, way = system.law.frozen(point.x, point.on.multiplier), point.x - r
         body = np.full(PARTS, float(way.ravel() @ (system.matrix @ way.ravel())))
         counts = stands(system, point.x, point.on.multiplier)
         return point if counts and not bends_downwards(law, system.weights, r, point.x, body) else None
+
+    def _settled(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
+        """Where Newton's equations lead from a pair; None where they do not settle."""
+        equation = GraphEquation.of(system, system.law.weak_convexity_at(r))
+        point = None if equation is None else equation.begin(np.where(system.active, r, system.fixed), lam)
+        for _ in range(FEW_ROUNDS):
+            found = None if point is None or equation is None else equation.step(point, _DIRECT)
+            point = None if found is None or equation is None else equation.at(*found[:2])
+            if point is None or equation is None or not math.isfinite(missed := norm(equation.missed(point))):
+                return None
+            if missed <= _TIGHT * self._tolerance(point.on.multiplier):
+                return point
+        return None
+
+    def _frozen_first(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
+        """The same where the sets of a bound that follows the state go round: from where the bound, held, leads."""
+        for _ in range(_FROZEN):
+            held = system.with_law(system.law.frozen(r, lam))
+            begin, budget = State(r, held.multiplier(r)), Budget(self.controls.max_time)
+            found, status, _ = iterate(_SEARCH, held, begin, _HELD, budget)
+            if status is not Status.CONVERGED:
+                return None
+            r, lam = found.r, np.where(system.active, held.law.nearest_multiplier(found.r, found.lam), found.lam)
+            point = self._settled(system, r, lam)
+            if point is not None:
+                return point
+        return None
 
     def _multiplier(self, point: GraphPoint) -> Array:
         """That of the laws at a place, and of supports what they hold."""
