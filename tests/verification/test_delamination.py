@@ -7,16 +7,19 @@ the lever of mixed-mode bending.  Lengths of the crack are corrected after Hashe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from time import process_time
 
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from hemivar.branches.path import PathEnd
 from hemivar.evolution import Evolution, History, Save, march
 from hemivar.laws import BenzeggaghKenane, ModeDependentGlue
+from hemivar.systems import condense
 from tests.samples import slow
 
 YOUNG, POISSON, HEIGHT, HALF, CRACK = 120e3, 0.3, 3.0, 60.0, 36.0
@@ -57,6 +60,11 @@ class Bending:
         force = np.sqrt((OPENING + (SHEAR - OPENING) * mode**EXPONENT) / (g1 + g2))
         apart, bent = 8.0 * self.apart * one**3 / rigid, self.together * (2.0 * HALF**3 + 3.0 * two**3) / (8.0 * rigid)
         return force, apart if self.mode < 1.0 else bent
+
+    def compliance(self, crack: Array) -> Array:
+        """What the loads do on the displacements, over the square of the force."""
+        apart, bent = (replace(self, mode=mode).theory(crack)[1] for mode in (0.0, 1.0))
+        return np.asarray(self.apart**2 * apart + self.together**2 * bent)
 
     @property
     def unit(self) -> float:
@@ -175,3 +183,28 @@ def test_the_j_integral_of_the_loads_is_that_of_the_glue(mode: float) -> None:
     r, lam = (np.stack([getattr(frame, name)[order] for frame in found.frames]) for name in ("local", "multiplier"))
     inside = (0.5 * (lam[:, 1:] + lam[:, :-1]) * np.diff(r, axis=1)).sum(axis=(1, 2))
     assert outside[-10:].mean() == pytest.approx(-inside[-10:].mean(), rel=0.01)
+
+
+@pytest.mark.parametrize(("mode", "until"), [slow(0.0, {"max-opening": 0.09}), slow(0.5, {"max-opening": 0.08}), slow(1.0, {"max-slip": 0.05})])
+def test_load_and_opening_on_the_path_are_those_of_corrected_beam_theory(mode: float, until: dict[str, float]) -> None:
+    """As in time: the path goes through its teeth, so it is compared on the average of them."""
+    test = Bending(mode)
+    problem = hv.discretize(test.problem(60.0).at_time(1.0))
+    before = process_time()
+    path = hv.follow_path(problem, (0.0, 1.3), until=until, max_points=1000)
+    print("cpu", process_time() - before, len(path))
+    assert path.ended is PathEnd.UNTIL
+    system, factor = condense(problem), path.load_factor
+    moved = np.array([
+        problem.load @ system.for_problem(path.line.at(t)).recover(r, lam)[0]
+        for t, r, lam in zip(factor, path.local, path.multiplier, strict=True)
+    ])  # fmt: skip
+    cracks = np.linspace(CRACK, 1.9 * HALF, 4000)
+    seen = np.interp(moved[1:] / (factor[1:] * test.unit**2), test.compliance(cracks), cracks)
+    off = factor[1:] * test.unit / np.interp(seen, cracks, test.theory(cracks)[0]) - 1.0
+    print(np.c_[seen, factor[1:], off][::10])
+    assert seen.max() > CRACK + 6.0
+    grows = seen > CRACK + 2.0
+    print(np.abs(off[grows]).max(), factor.max())
+    assert np.abs(off[grows]).max() < 0.03
+    assert 0.92 < factor.max() < 1.0

@@ -292,6 +292,24 @@ class GraphChart(Curves):
 
     # ---- corners ----------------------------------------------------------------------------------------
 
+    def angles(self, slope: Array, jump: Array) -> Array:
+        """Sines (m,) of the angles by which graphs turn, in r and lambda times the compliance of the body.
+
+        On a stiff chart dr/dtheta (m, c, c) hardly changes where a law does that is soft beside the chart.
+        """
+        one, scale = np.eye(self.system.shape[1]), self._stiffer[:, :, None]
+        after = slope + jump
+        moved, answered = scale * (one - after), np.matmul(slope, 1.0 / scale * one)
+        begin = np.matmul(answered, answered.transpose(0, 2, 1)) + np.matmul(one - slope, (one - slope).transpose(0, 2, 1))
+        end = np.matmul(after.transpose(0, 2, 1), after) + np.matmul(moved.transpose(0, 2, 1), moved)
+        turned = np.matmul(np.linalg.solve(begin, jump), np.linalg.solve(end, jump.transpose(0, 2, 1)))
+        return np.sqrt(np.trace(turned, axis1=1, axis2=2).clip(0.0))
+
+    @cached_property
+    def _stiffer(self) -> Array:
+        """How much stiffer the chart is than the body at a point, (m, c)."""
+        return self.stiffness * spread(self.system.compliance, self.system.shape[1])
+
     def straight(self, theta: Array, side: Array, way: Array) -> bool:
         """Whether no law is curved between ``theta`` and ``theta + way``, nor has a corner there."""
         return not _Start.of(self, theta, side, way, STRAIGHT).left(1.0).any()
@@ -402,7 +420,8 @@ class _Start:
         # Far away multipliers are differences of large numbers, and so is what a bound that follows them makes of them.
         size = np.abs(self.lam / self.chart.stiffness).max(axis=1)
         rounded = np.minimum(_FAR_AWAY, 1e-15 * moved / np.maximum(size, 1e-300))
-        return np.asarray(bent | (np.abs(jump).max(axis=(1, 2)) > self.slack + rounded))
+        turned = np.abs(jump).max(axis=(1, 2)) if self.slack <= STRAIGHT else self.chart.angles(self.slope, jump)
+        return np.asarray(bent | (turned > self.slack + rounded))
 
     def guess(self, part: float) -> float:
         """Where the first of them has left, if all pieces are straight."""
