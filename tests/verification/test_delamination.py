@@ -185,7 +185,10 @@ def test_the_j_integral_of_the_loads_is_that_of_the_glue(mode: float) -> None:
     assert outside[-10:].mean() == pytest.approx(-inside[-10:].mean(), rel=0.01)
 
 
-@pytest.mark.parametrize(("mode", "until"), [slow(0.0, {"max-opening": 0.09}), slow(0.5, {"max-opening": 0.08}), slow(1.0, {"max-slip": 0.05})])
+@pytest.mark.parametrize(
+    ("mode", "until"),
+    [slow(0.0, {"max-opening": 0.09}), slow(0.5, {"max-opening": 0.08}), slow(1.0, {"max-slip": 0.05})],
+)
 def test_load_and_opening_on_the_path_are_those_of_corrected_beam_theory(mode: float, until: dict[str, float]) -> None:
     """As in time: the path goes through its teeth, so it is compared on the average of them."""
     test = Bending(mode)
