@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
-from time import process_time
 
 import numpy as np
 import pytest
@@ -187,15 +186,13 @@ def test_the_j_integral_of_the_loads_is_that_of_the_glue(mode: float) -> None:
 
 @pytest.mark.parametrize(
     ("mode", "until"),
-    [slow(0.0, {"max-opening": 0.09}), slow(0.5, {"max-opening": 0.08}), slow(1.0, {"max-slip": 0.05})],
+    [slow(0.0, {"max-opening": 0.075}), slow(0.5, {"max-opening": 0.08}), slow(1.0, {"max-slip": 0.05})],
 )
 def test_load_and_opening_on_the_path_are_those_of_corrected_beam_theory(mode: float, until: dict[str, float]) -> None:
-    """As in time: the path goes through its teeth, so it is compared on the average of them."""
+    """As in time, in less than 1000 points: steps grow with the openings, from those of stiff glue to its break."""
     test = Bending(mode)
     problem = hv.discretize(test.problem(60.0).at_time(1.0))
-    before = process_time()
     path = hv.follow_path(problem, (0.0, 1.3), until=until, max_points=1000)
-    print("cpu", process_time() - before, len(path))
     assert path.ended is PathEnd.UNTIL
     system, factor = condense(problem), path.load_factor
     moved = np.array([
@@ -205,9 +202,7 @@ def test_load_and_opening_on_the_path_are_those_of_corrected_beam_theory(mode: f
     cracks = np.linspace(CRACK, 1.9 * HALF, 4000)
     seen = np.interp(moved[1:] / (factor[1:] * test.unit**2), test.compliance(cracks), cracks)
     off = factor[1:] * test.unit / np.interp(seen, cracks, test.theory(cracks)[0]) - 1.0
-    print(np.c_[seen, factor[1:], off][::10])
     assert seen.max() > CRACK + 6.0
     grows = seen > CRACK + 2.0
-    print(np.abs(off[grows]).max(), factor.max())
     assert np.abs(off[grows]).max() < 0.03
     assert 0.92 < factor.max() < 1.0
