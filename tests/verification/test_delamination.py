@@ -206,3 +206,13 @@ def test_load_and_opening_on_the_path_are_those_of_corrected_beam_theory(mode: f
     grows = seen > CRACK + 2.0
     assert np.abs(off[grows]).max() < 0.03
     assert 0.92 < factor.max() < 1.0
+
+
+@pytest.mark.parametrize("mode", [slow(0.0), slow(0.2)])
+def test_a_path_passes_the_break_of_every_point_of_a_coarse_mesh(mode: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There the path turns sharply, while the derivative of the stiff chart jumps by less than a thousandth."""
+    monkeypatch.setattr(f"{__name__}.CELLS", 50)
+    problem = hv.discretize(Bending(mode).problem(60.0).at_time(1.0))
+    path = hv.follow_path(problem, (0.0, 1.3), until={"max-opening": 0.2})
+    assert path.ended is PathEnd.UNTIL
+    assert len(path) < 1000

@@ -58,7 +58,7 @@ class PathOptions:
     max_time : float
         Limit in seconds.
     largest_step : float
-        Of the arc length, as a part of the whole.
+        Of the arc length, as a part of the displacement under the load, or of that reached so far if it is larger.
     until : mapping of name to value
         The path ends where one of these quantities has its value, such as ``max-opening``, or ``opening:tip`` for the
         contact boundary ``tip`` alone.

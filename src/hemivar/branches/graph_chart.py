@@ -13,6 +13,7 @@ Components that a support holds are a part of it: a stiff spring pulls their r t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.linalg as la
@@ -183,8 +184,9 @@ class GraphChart(Curves):
 
     def look_up(self, places: Array) -> None:
         """Evaluate pairs at places (k, n) together."""
-        for place, pair in zip(places, zip(*self._of_places(places), strict=True), strict=True):
-            self._known.once(place.tobytes(), lambda pair=pair: pair)
+        r, lam, slope = self._of_places(places)
+        for i, place in enumerate(places):
+            self._known.once(place.tobytes(), partial(tuple, (r[i], lam[i], slope[i])))
 
     def slopes(self, theta: Array, side: Array) -> Array:
         """dr/dtheta (m, c, c) on a side."""
@@ -321,7 +323,7 @@ class GraphChart(Curves):
         )
         end = np.matmul(after.transpose(0, 2, 1), after) + np.matmul(moved.transpose(0, 2, 1), moved)
         turned = np.matmul(np.linalg.solve(begin, jump), np.linalg.solve(end, jump.transpose(0, 2, 1)))
-        return np.sqrt(np.trace(turned, axis1=1, axis2=2).clip(0.0))
+        return np.asarray(np.sqrt(np.trace(turned, axis1=1, axis2=2).clip(0.0)))
 
     @cached_property
     def _stiffer(self) -> Array:
