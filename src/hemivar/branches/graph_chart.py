@@ -172,7 +172,8 @@ class GraphChart(Curves):
     def _chart_of(self, index: IntArray) -> Chart:
         every = index.size == len(self.a) and bool((index == np.arange(index.size)).all())
         law, a, c = self.law if every else self.law.take(index), self.a[index], self.system.shape[1]
-        return (law.chart(a, c) if law.is_curve(a, c) else None) or Chart(law, a)
+        laid_out = law.is_curve(a, c) and not law.state_dependent  # at the apex of a cone tables take another side
+        return (law.chart(a, c) if laid_out else None) or Chart(law, a)
 
     @cached_property
     def _known(self) -> Recent[bytes, tuple[Array, Array, Array]]:
