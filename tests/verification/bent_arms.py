@@ -7,7 +7,7 @@ the lever of mixed-mode bending.  Lengths of the crack are corrected after Hashe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -55,6 +55,11 @@ class Bending:
         force = np.sqrt((OPENING + (SHEAR - OPENING) * mode**EXPONENT) / (g1 + g2))
         apart, bent = 8.0 * self.apart * one**3 / rigid, self.together * (2.0 * HALF**3 + 3.0 * two**3) / (8.0 * rigid)
         return force, apart if self.mode < 1.0 else bent
+
+    def compliance(self, crack: Array) -> Array:
+        """What the loads do on the displacements, over the square of the force."""
+        apart, bent = (replace(self, mode=mode).theory(crack)[1] for mode in (0.0, 1.0))
+        return np.asarray(self.apart**2 * apart + self.together**2 * bent)
 
     @property
     def unit(self) -> float:

@@ -58,7 +58,7 @@ class PathOptions:
     max_time : float
         Limit in seconds.
     largest_step : float
-        Of the arc length, as a part of the whole.
+        Of the arc length, as a part of the displacement under the load, or of that reached so far if it is larger.
     until : mapping of name to value
         The path ends where one of these quantities has its value, such as ``max-opening``, or ``opening:tip`` for the
         contact boundary ``tip`` alone.
@@ -142,7 +142,8 @@ def follow_path(
     max_points : int
         Limit of points.
     largest_step : float
-        Largest step on curved pieces, relative to the range and to a typical displacement at its largest load.
+        Largest step on curved pieces, relative to the range and to a typical displacement at its largest load, or that
+        reached so far if it is larger.
     max_time : float
         Limit in seconds; the path then ends where it is, and says so.
     until : mapping of name to value, optional

@@ -183,7 +183,7 @@ class Follower:
         border = np.zeros(chain.size + 1)
         border[-1] = sign
         tangent = self.tangent(theta, segment, t, border)
-        turn, smooth = sign, False
+        turn, smooth, origin = sign, False, theta
         step = self.largest_step * chain.length
         while len(track.points) < self.max_points:
             check_time()
@@ -216,8 +216,8 @@ class Follower:
                 track.ended = PathEnd.UPPER_END if t >= self.high else PathEnd.LOWER_END
                 break
             if new.event is None:
-                still, gone = self.still(tangent), float(np.abs(theta).max())
-                largest = self.largest_step * (_ON_THE_SPOT * max(chain.length, gone) if still else chain.length)
+                largest = self.largest_step * max(chain.length, float(np.abs(theta - origin).max()))
+                largest *= _ON_THE_SPOT if self.still(tangent) else 1.0
                 step = min(largest, 1.5 * new.length if new.easy else new.length)
             segment, smooth = new.segment, new.event is None
             tangent = self.heading(new.border) if smooth else self.tangent(theta, segment, t, new.border)

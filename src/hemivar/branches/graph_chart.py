@@ -13,15 +13,17 @@ Components that a support holds are a part of it: a stiff spring pulls their r t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.last_used import Recent
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import spread
+from hemivar.laws.vector_law import Chart, spread
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.curves import Curves, negative_eigenvalues
 
@@ -47,7 +49,9 @@ _NEUTRAL, _FREE = 1e-13, 1e-9
 #: Parts of a reach in which a corner is searched one after the other.
 _PARTS = (1e-2, 1e-1, 1.0)
 #: Pairs that are remembered, and places that are evaluated together.
-_KEPT, _TOGETHER = 8, 100
+_KEPT, _TOGETHER = 16, 100
+#: Laws of contact points that are remembered, laid out in tables.
+_CHARTS = 6
 #: Second singular value of a jump, relative to the first one, above which it has no normal.
 _NO_NORMAL = 1e-3
 #: How far a is above the weak convexity at first, and where it was not enough; and how far it has to be.
@@ -155,17 +159,35 @@ class GraphChart(Curves):
 
     def pairs(self, theta: Array) -> tuple[Array, Array, Array]:
         """r, lambda (m, c) and dr/dtheta (m, c, c)."""
-        key = theta.tobytes()
-        if key not in self._known:
-            on = self.law.on_graph(self.stiffness * theta.reshape(self.system.shape), self.a)
-            self._known[key] = on.r, on.multiplier, on.jacobian * self.stiffness[:, None, :]
-            if len(self._known) > _KEPT:
-                del self._known[next(iter(self._known))]
-        return self._known[key]
+        return self._known.once(theta.tobytes(), lambda: self._pairs_of(theta, np.arange(len(self.a))))
+
+    def _pairs_of(self, theta: Array, index: IntArray) -> tuple[Array, Array, Array]:
+        """Those of some contact points."""
+        stiffness = self.stiffness[index]
+        on = self._charts.once(index.tobytes(), lambda: self._chart_of(index)).at(
+            stiffness * theta.reshape(stiffness.shape)
+        )
+        return on.r, on.multiplier, on.jacobian * stiffness[:, None, :]
+
+    def _chart_of(self, index: IntArray) -> Chart:
+        every = index.size == len(self.a) and bool((index == np.arange(index.size)).all())
+        law, a, c = self.law if every else self.law.take(index), self.a[index], self.system.shape[1]
+        laid_out = law.is_curve(a, c) and not law.state_dependent  # at the apex of a cone tables take another side
+        return (law.chart(a, c) if laid_out else None) or Chart(law, a)
 
     @cached_property
-    def _known(self) -> dict[bytes, tuple[Array, Array, Array]]:
-        return {}
+    def _known(self) -> Recent[bytes, tuple[Array, Array, Array]]:
+        return Recent(_KEPT)
+
+    @cached_property
+    def _charts(self) -> Recent[bytes, Chart]:
+        return Recent(_CHARTS)
+
+    def look_up(self, places: Array) -> None:
+        """Evaluate pairs at places (k, n) together."""
+        r, lam, slope = self._of_places(places)
+        for i, place in enumerate(places):
+            self._known.once(place.tobytes(), partial(tuple, (r[i], lam[i], slope[i])))
 
     def slopes(self, theta: Array, side: Array) -> Array:
         """dr/dtheta (m, c, c) on a side."""
@@ -174,9 +196,7 @@ class GraphChart(Curves):
     def pair_of(self, j: int, theta: Array) -> Array:
         """dr/dtheta (k, c, c) of one contact point at places theta (k, c)."""
         index = np.full(len(theta), j)
-        stiffness = self.stiffness[index]
-        found = self.law.take(index).on_graph(stiffness * theta, self.a[index])
-        return np.asarray(found.jacobian * stiffness[:, None, :])
+        return self._pairs_of(theta, index)[2]
 
     def nearest(self, r: Array, lam: Array) -> tuple[Array, Array]:
         return (r + lam / self.stiffness).ravel(), self.here
@@ -187,14 +207,13 @@ class GraphChart(Curves):
 
     def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
         found = [self._of_places(np.array(theta[i : i + _TOGETHER])) for i in range(0, len(theta), _TOGETHER)]
-        return np.concatenate([r for r, _ in found]), np.concatenate([lam for _, lam in found])
+        return np.concatenate([r for r, _, _ in found]), np.concatenate([lam for _, lam, _ in found])
 
-    def _of_places(self, theta: Array) -> tuple[Array, Array]:
-        """r and lambda (k, m, c) at places (k, n)."""
-        (m, c), k = self.system.shape, len(theta)
-        index = np.tile(np.arange(m), k)
-        on = self.law.take(index).on_graph((self.stiffness.ravel() * theta).reshape(-1, c), self.a[index])
-        return on.r.reshape(k, m, c), on.multiplier.reshape(k, m, c)
+    def _of_places(self, theta: Array) -> tuple[Array, ...]:
+        """r, lambda (k, m, c) and dr/dtheta (k, m, c, c) at places (k, n)."""
+        index = np.tile(np.arange(self.system.shape[0]), len(theta))
+        found = self._pairs_of(theta, index)
+        return tuple(part.reshape(len(theta), -1, *part.shape[1:]) for part in found)
 
     def inside(self, theta: Array, side: Array, tolerance: float) -> BoolArray:
         return np.ones(theta.size, dtype=bool)
@@ -292,6 +311,26 @@ class GraphChart(Curves):
 
     # ---- corners ----------------------------------------------------------------------------------------
 
+    def angles(self, slope: Array, jump: Array) -> Array:
+        """Sines (m,) of the angles by which graphs turn, in r and lambda times the compliance of the body.
+
+        On a stiff chart dr/dtheta (m, c, c) hardly changes where a law does that is soft beside the chart.
+        """
+        one, scale = np.eye(self.system.shape[1]), self._stiffer[:, :, None]
+        after = slope + jump
+        moved, answered = scale * (one - after), np.matmul(slope, 1.0 / scale * one)
+        begin = np.matmul(answered, answered.transpose(0, 2, 1)) + np.matmul(
+            one - slope, (one - slope).transpose(0, 2, 1)
+        )
+        end = np.matmul(after.transpose(0, 2, 1), after) + np.matmul(moved.transpose(0, 2, 1), moved)
+        turned = np.matmul(np.linalg.solve(begin, jump), np.linalg.solve(end, jump.transpose(0, 2, 1)))
+        return np.asarray(np.sqrt(np.trace(turned, axis1=1, axis2=2).clip(0.0)))
+
+    @cached_property
+    def _stiffer(self) -> Array:
+        """How much stiffer the chart is than the body at a point, (m, c)."""
+        return self.stiffness * spread(self.system.compliance, self.system.shape[1])
+
     def straight(self, theta: Array, side: Array, way: Array) -> bool:
         """Whether no law is curved between ``theta`` and ``theta + way``, nor has a corner there."""
         return not _Start.of(self, theta, side, way, STRAIGHT).left(1.0).any()
@@ -301,8 +340,10 @@ class GraphChart(Curves):
 
         It is looked for at the end, and at so many halves of the way from there.
         """
-        start = _Start.of(self, theta, side, way, slack)
-        far = [part for part in 0.5 ** np.arange(parts + 1) if start.left(part).any()]
+        start, halves = _Start.of(self, theta, side, way, slack), 0.5 ** np.arange(parts + 1)
+        if parts:
+            self.look_up(start.theta + halves[:, None] * way)
+        far = [part for part in halves if start.left(part).any()]
         if not far:
             return None
         high = float(far[-1])
@@ -402,7 +443,8 @@ class _Start:
         # Far away multipliers are differences of large numbers, and so is what a bound that follows them makes of them.
         size = np.abs(self.lam / self.chart.stiffness).max(axis=1)
         rounded = np.minimum(_FAR_AWAY, 1e-15 * moved / np.maximum(size, 1e-300))
-        return np.asarray(bent | (np.abs(jump).max(axis=(1, 2)) > self.slack + rounded))
+        turned = np.abs(jump).max(axis=(1, 2)) if self.slack <= STRAIGHT else self.chart.angles(self.slope, jump)
+        return np.asarray(bent | (turned > self.slack + rounded))
 
     def guess(self, part: float) -> float:
         """Where the first of them has left, if all pieces are straight."""
