@@ -12,6 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import AdaptiveStep, Checkpoint, Evolution, History, Save, march
 from hemivar.laws import BilinearCohesion, MixedMode
+from hemivar.mesh import rectangle
 from tests import bodies
 
 TIGHT = hv.Controls(rtol=1e-12)
@@ -114,6 +115,21 @@ def test_a_march_that_goes_on_from_its_checkpoint_is_the_same(tmp_path: Path) ->
     again = followed(36.0, 3.0, 0.1, "dissipation", resume=True, **kept)
     for name in whole.columns:
         np.testing.assert_array_equal(again[name], whole[name])
+
+
+@pytest.mark.parametrize("fall", [36.0, 200.0])
+def test_brittle_glue_that_is_whole_does_not_count_as_broken(fall: float) -> None:
+    """A body lifted at one side: where its way is lost the march says so, and no step falls back to the start."""
+    contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, fall, 72.0))
+    lifted_aside = hv.ContactProblem(
+        rectangle((2.0, 0.5), (4, 2)), hv.Material.lame(40.0, 40.0), {"bottom": contact}, {"left": hv.Roller()},
+        tractions={"right": lifted},
+    )  # fmt: skip
+    history = march(Evolution(lifted_aside), 6.0, step=0.1, control="dissipation")
+    energy = 2.0 * 0.5 * STRENGTH * (FIRST + STRENGTH / fall)
+    assert history["load_factor"].max() > 2.0
+    assert history.ended != "broken" or history["memory"][-1] > 0.98 * energy
+    assert np.diff(history["load_factor"]).min() >= -0.11 * (1.0 + 1e-9)
 
 
 def plain(**more: object) -> hv.ContactProblem:

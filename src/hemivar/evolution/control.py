@@ -57,7 +57,7 @@ _STANDS, _STILL = 1e-12, 1e-7
 _ROUNDING = 1e-13
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
-#: Part of the pace below which a step dissipates nothing.
+#: Part of what the largest load stored below which nothing was dissipated.
 _NOTHING = 1e-9
 #: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
 _AHEAD, _MORE = 4.0, 1.0 + 1e-6
@@ -368,7 +368,8 @@ class ControlledStepper(TimeStepper):
     def broken(self, state: TimeState) -> bool:
         """Whether the load factor has fallen to next to nothing of its largest one."""
         known = self.known(state)
-        return known.spent > 0.0 and abs(known.factor - self.span[0]) <= _BROKEN * known.largest
+        lost = state.ledger.memory > _NOTHING * known.pace * known.largest
+        return lost and abs(known.factor - self.span[0]) <= _BROKEN * known.largest
 
     # ---- a step ----------------------------------------------------------------------------------------------
 
@@ -398,7 +399,8 @@ class ControlledStepper(TimeStepper):
         if frozen is None or pair is None or taken.status is not Status.CONVERGED:
             return taken
         spent, ledger, gone = frozen.spent(pair), taken.moment.ledger, abs(pair.factor - self.span[0])
-        if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory):
+        given = _is_step(pair.factor - known.factor, step)
+        if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory, given):
             return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
         largest = max(known.largest, gone)
         # At the first step the body is elastic: what it stores is a square of the factor.
@@ -435,11 +437,14 @@ class ControlledStepper(TimeStepper):
         rate, held = (other.load - system.load) / step, (other.fixed - system.fixed) / step
         return _FrozenStep(equation, start, rate, held, secant)
 
-    def _straight(self, goal: float, spent: float, lost: float) -> bool:
-        """Whether what memories dissipated in a step agrees with what is dissipated on a straight way there."""
+    def _straight(self, goal: float, spent: float, lost: float, given: bool) -> bool:
+        """Whether what memories dissipated in a step agrees with what is dissipated on a straight way there.
+
+        A step whose load factor was given may dissipate nothing.
+        """
         if self.control.opening is not None or not goal:
             return True
-        return _LEAST * spent - goal <= lost <= _MOST * max(spent, goal) and spent <= _MOST * lost + _NOTHING * goal
+        return lost <= _MOST * max(spent, goal) and (given or lost >= _LEAST * spent)
 
     def _pair(self, frozen: _FrozenStep, known: LoadControl, before: TimeState, step: float) -> _Pair | None:
         """The next equilibrium."""
@@ -452,8 +457,7 @@ class ControlledStepper(TimeStepper):
             found = frozen.solved(on, border)
             return frozen.solved(frozen.start, border) if found is None else found
         goal = known.pace * step
-        by_load = abs(known.moved - known.step) <= _SAME * known.step
-        if known.spent > 0.0 and not by_load:
+        if known.spent > 0.0 and not _is_step(known.moved, known.step):
             found = self._dissipating(frozen, goal, step, way, known.spent)
             if found is not None and found.factor <= known.factor + step:
                 return found
@@ -487,9 +491,9 @@ class ControlledStepper(TimeStepper):
             found = next((pair for pair in pairs if pair is not None), None)
             fall = 0.0 if found is None else frozen.start.factor - found.factor
             if fall <= _FALLS * step:
-                break
+                return found
             goal *= step / fall
-        return found
+        return None
 
     def _solved_stage(self, stage: Stage, before: TimeState, pair: _Pair | None, most: float) -> SolvedStage:
         """A pair as the solution of its stage; where there is none the state before, which solves nothing.
@@ -510,3 +514,8 @@ class ControlledStepper(TimeStepper):
         )  # fmt: skip
         point = stage.local_motion(stage.local(solution))
         return SolvedStage(stage, solution, stage_state(self.discrete, stage, unknowns), point, lam)
+
+
+def _is_step(moved: float, step: float) -> bool:
+    """Whether a load factor moved by a whole step."""
+    return abs(moved - step) <= _SAME * step
