@@ -11,7 +11,6 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import AdaptiveStep, Checkpoint, Evolution, History, Save, march
-from hemivar.laws import BilinearCohesion, MixedMode
 from hemivar.mesh import rectangle
 from tests import bodies
 
@@ -95,16 +94,21 @@ def test_the_load_factor_of_a_moved_support_may_fall_as_well() -> None:
     assert (np.diff(history["load_factor"]) < -1e-6).sum() > 2
 
 
-def test_units_do_not_matter() -> None:
-    """In Pa and mm instead of MPa and m: the same factors, to rounding."""
-    found = []
-    for force in (1.0, 1e6):
-        glue = MixedMode(BilinearCohesion(2.4 * force, 0.3 * force, 24.0 * force), 1.0, hv.Compliance(72.0 * force))
-        pulled = bodies.column(
-            hv.Contact(glue), stiffness=SPRING * force, top=None,
-            tractions={"top": lambda x, t, force=force: np.tile([0.0, force * t], (len(x), 1))},
-        )  # fmt: skip
-        found.append(march(Evolution(pulled), 3.0, step=0.1, control="dissipation"))
+def in_units(force: float, length: float, slope: float = 1.0, first: float = 0.0) -> hv.ContactProblem:
+    """The column with a fall of 6, its strength 2.4 and size 1 in other units, under ``first + slope t``."""
+    compared = force / length
+    glue = hv.Adhesive(STIFF * compared, STRENGTH * force, 6.0 * compared, 72.0 * compared)
+    return bodies.column(
+        hv.Contact(glue), stiffness=SPRING * force, size=(length, length), top=None,
+        tractions={"top": lambda x, t: np.tile([0.0, force * (first + slope * t)], (len(x), 1))},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("units", [(1e6, 1.0), (1e6, 1e-3), (1e9, 1e-6), (1.0, 1e3)])
+def test_units_do_not_matter(units: tuple[float, float]) -> None:
+    """In Pa, mm and micrometres instead of MPa and m: the same factors, to rounding."""
+    found = [march(Evolution(in_units(*one)), 3.0, step=0.1, control="dissipation") for one in ((1.0, 1.0), units)]
+    assert [one.ended for one in found] == ["finished", "finished"]
     np.testing.assert_allclose(found[0]["load_factor"], found[1]["load_factor"], rtol=1e-8, atol=1e-10)
 
 

@@ -53,6 +53,8 @@ DISSIPATION = "dissipation"
 _ROUNDS = 15
 #: Change of a place, as a part of its size, at which it stands; what it may still be where the balance is exact.
 _STANDS, _STILL = 1e-12, 1e-7
+#: Part of a step by which what is given may be missed where it stands.
+_MET = 1e-6
 #: Rounding of a balance, as a part of the forces in it.
 _ROUNDING = 1e-13
 #: Weight of the law of a component that a support holds.
@@ -156,7 +158,7 @@ class _Pair:
     rounds: int = 0
 
 
-#: A number that is to be zero, and its derivatives by r, lam (m, c) and the factor.
+#: What a step misses, as a part of what is given, and its derivatives by r, lam (m, c) and the factor.
 _Border = Callable[[_Pair], tuple[float, Array, Array, float]]
 
 
@@ -185,34 +187,39 @@ class _FrozenStep:
 
     def spent(self, pair: _Pair) -> float:
         """What is dissipated on the way to a pair, as if it were straight."""
-        return self.dissipation(0.0)(pair)[0]
+        by_r, by_lam = self._dissipating
+        return float((by_r * pair.r).sum() + (by_lam * pair.lam).sum())
 
     # ---- what is given -----------------------------------------------------------------------------------
 
-    def load(self, factor: float) -> _Border:
-        """The load factor."""
-        zero = np.zeros(self.system.shape)
-        return lambda pair: (pair.factor - factor, zero, zero, 1.0)
+    def load(self, change: float) -> _Border:
+        """A change of the load factor."""
+        zero, start = np.zeros(self.system.shape), self.start.factor
+        return lambda pair: ((pair.factor - start) / change - 1.0, zero, zero, 1.0 / change)
 
     def dissipation(self, goal: float) -> _Border:
         """What is dissipated."""
+        by_r, by_lam = (part / goal for part in self._dissipating)
+        return lambda pair: (self.spent(pair) / goal - 1.0, by_r, by_lam, 0.0)
+
+    @property
+    def _dissipating(self) -> tuple[Array, Array]:
+        """Derivatives of what is dissipated by r and lam."""
         half = 0.5 * self.spread_weights * self.secant
-        by_r, by_lam = half * self.start.lam, -half * self.start.r
+        return half * self.start.lam, -half * self.start.r
 
-        def border(pair: _Pair) -> tuple[float, Array, Array, float]:
-            return float((by_r * pair.r).sum() + (by_lam * pair.lam).sum()) - goal, by_r, by_lam, 0.0
+    def opened(self, points: IntArray, pair: _Pair) -> float:
+        """By how much the largest opening of some contact points grows."""
+        return float(self.start.r[points, 0].min() - pair.r[points, 0].min())
 
-        return border
-
-    def opening(self, points: IntArray, goal: float) -> _Border:
-        """The largest opening of some contact points."""
+    def opening(self, points: IntArray, change: float) -> _Border:
+        """A growth of the largest opening of some contact points."""
         zero = np.zeros(self.system.shape)
 
         def border(pair: _Pair) -> tuple[float, Array, Array, float]:
-            widest = points[int(np.argmin(pair.r[points, 0]))]
             by_r = zero.copy()
-            by_r[widest, 0] = -1.0
-            return -float(pair.r[widest, 0]) - goal, by_r, zero, 0.0
+            by_r[points[int(np.argmin(pair.r[points, 0]))], 0] = -1.0 / change
+            return self.opened(points, pair) / change - 1.0, by_r, zero, 0.0
 
         return border
 
@@ -246,9 +253,10 @@ class _FrozenStep:
                 return None
             step, more = change
             # As far as the place moves, in displacements; the balance says whether that is rounding.
-            moved = float(np.abs(step / a).max()) / (float(np.abs(p / a).max()) or 1.0)
-            exact = norm(balance) <= _ROUNDING * size
-            if moved <= _STANDS or (exact and moved <= _STILL) or (moved <= _STILL and moved >= 0.5 * last):
+            far, moved = max(_largest(p / a), _largest((p + step) / a)), _largest(step / a)
+            moved /= far or 1.0
+            exact, met = norm(balance) <= _ROUNDING * size, abs(missed) <= _MET
+            if met and (moved <= _STANDS or (moved <= _STILL and (exact or moved >= 0.5 * last))):
                 return pair if norm(balance) <= 1e-9 * size else None
             p, factor, last = p + step, factor + more, moved
         return None
@@ -452,8 +460,7 @@ class ControlledStepper(TimeStepper):
         on = frozen.ahead(way, min(step / known.step, _AHEAD) if known.step else 0.0)
         if self.control.opening is not None:
             points = self.discrete.problem.contact.on(self.control.opening)
-            now = -float(frozen.start.r[points, 0].min())
-            border = frozen.opening(points, now + step)
+            border = frozen.opening(points, step)
             found = frozen.solved(on, border)
             return frozen.solved(frozen.start, border) if found is None else found
         goal = known.pace * step
@@ -461,7 +468,7 @@ class ControlledStepper(TimeStepper):
             found = self._dissipating(frozen, goal, step, way, known.spent)
             if found is not None and found.factor <= known.factor + step:
                 return found
-        load = frozen.load(known.factor + step)
+        load = frozen.load(step)
         loaded = frozen.solved(on, load) or frozen.solved(frozen.start, load)
         if loaded is None:
             return self._dissipating(frozen, goal, step) if known.pace else None
@@ -514,6 +521,10 @@ class ControlledStepper(TimeStepper):
         )  # fmt: skip
         point = stage.local_motion(stage.local(solution))
         return SolvedStage(stage, solution, stage_state(self.discrete, stage, unknowns), point, lam)
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))
 
 
 def _is_step(moved: float, step: float) -> bool:
