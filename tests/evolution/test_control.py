@@ -112,6 +112,34 @@ def test_units_do_not_matter(units: tuple[float, float]) -> None:
     np.testing.assert_allclose(found[0]["load_factor"], found[1]["load_factor"], rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1e-6), (1e6, 1e-3, 1e-6), (1e9, 1e-6, 1e-9), (1e6, 1e-3, 1e6)])
+def test_an_opening_that_is_given_has_another_unit_than_the_load_factor(units: tuple[float, float, float]) -> None:
+    """Loads of t in Pa beside openings in m: nothing depends on how the numbers compare."""
+    force, length, slope = units
+    history = march(
+        Evolution(in_units(force, length, slope)), 0.6 * length, step=0.05 * length, control={"opening": "bottom"}
+    )
+    opening = np.array([-frame.local[0, 0] for frame in history.frames]) / length
+    carried = np.where(opening <= FIRST, STIFF * opening, 6.0 * (0.5 - opening).clip(0.0))
+    assert history.ended == "broken"
+    np.testing.assert_allclose(history["load_factor"] * slope, carried, atol=1e-10)
+    np.testing.assert_allclose(opening, history.times / length, atol=1e-10)
+
+
+def waving(x: Array, t: float) -> Array:
+    return lifted(x, t + 0.3 * np.sin(2.0 * np.pi * t))
+
+
+def test_a_load_that_bends_between_or_beyond_the_times_looked_at_is_refused() -> None:
+    with pytest.raises(ProblemError, match="bends over t, at t = "):
+        march(Evolution(column(6.0, waving)), 1.0, step=0.1, control="dissipation")
+    capped = column(6.0, lambda x, t: lifted(x, min(t, 0.5)))
+    history = march(Evolution(capped), 0.3, step=0.02, control={"opening": "bottom"})
+    assert history.ended == "refused"
+    assert "bends over t, at t = 0.96" in history.messages[-1]
+    np.testing.assert_allclose(history["load_factor"], [0.0, 0.48], rtol=1e-12)
+
+
 def test_a_march_that_goes_on_from_its_checkpoint_is_the_same(tmp_path: Path) -> None:
     kept = {"checkpoint": Checkpoint(tmp_path / "run.ckpt", 0.0)}
     whole = followed(36.0, 3.0, 0.1, "dissipation")

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -71,6 +72,8 @@ _SAME = 1e-9
 _OUTWARD = (1e-6, 1e-3)
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
 _LEAST, _MOST = 0.5, 2.5
+#: Part of what acts by which it may miss a straight line; multiples of the other meet no period of it.
+_BENT, _GOLDEN = 1e-9, 0.5 * (np.sqrt(5.0) - 1.0)
 #: Part of the largest change of the load factor at which a joint counts as broken.
 _BROKEN = 1e-2
 
@@ -338,28 +341,40 @@ class ControlledStepper(TimeStepper):
             raise ProblemError("control = ... is for one process; leave the engine out")
         if control.opening is not None:
             discrete.problem.contact.on(control.opening)
-        made._refuse_bent()
+        low = made.span[0]
+        made._refuse_bent(*(low + (number * _GOLDEN % 1.0) * (until - low) for number in range(1, 9)), until)
         return made
 
-    def _refuse_bent(self) -> None:
-        """Refuse what acts where it is no straight line over the load factor, or stays as it is."""
+    @cached_property
+    def _reach(self) -> float:
+        """A distance of load factors over which what acts grows by its own size, or the whole one."""
         low, high = self.span
-        first, middle, last = (self.data.at(time) for time in (low, 0.5 * (low + high), high))
-        grows = False
-        for name in ("load", "prescribed", "offset"):
-            one, two, three = (getattr(acting, name) for acting in (first, middle, last))
-            size = max((float(np.abs(part).max(initial=0.0)) for part in (one, two, three)), default=0.0)
-            if np.abs(one - 2.0 * two + three).max(initial=0.0) > 1e-9 * size:
-                raise ProblemError(
-                    "control = ... takes t for the load factor, and a load, support or gap bends over t; "
-                    "state it as a multiple of t"
-                )
-            grows = grows or bool(np.abs(three - one).max(initial=0.0) > 0.0)
-        if not grows:
+        parts = [(_largest(two - one), _largest(one)) for one, two in zip(*map(self._acting, self.span), strict=True)]
+        grown = max(growth / size if size else np.inf * growth if growth else 0.0 for growth, size in parts)
+        if not grown:
             raise ProblemError(
                 "control = ... takes t for the load factor, and no load, support or gap grows with t; state it as a "
                 "multiple of t"
             )
+        return (high - low) * max(1.0, 1.0 / grown)
+
+    def _acting(self, factor: float) -> tuple[Array, Array, Array]:
+        data = self.data.at(factor)
+        return data.load, data.prescribed, data.offset
+
+    def _refuse_bent(self, *factors: float) -> None:
+        """Refuse what acts where it is no straight line over the load factor, or stays as it is."""
+        low, reach = self.span[0], self._reach
+        first, far = self._acting(low), self._acting(low + reach)
+        for factor in factors:
+            part = (factor - low) / reach
+            for one, two, there in zip(first, far, self._acting(factor), strict=True):
+                size = max(map(_largest, (one, two, there, part * (two - one))))
+                if _largest(there - one - part * (two - one)) > _BENT * size:
+                    raise ProblemError(
+                        f"control = ... takes t for the load factor, and a load, support or gap bends over t, at t = "
+                        f"{factor:.6g} or before; state it as a multiple of t"
+                    )
 
     # ---- what is told --------------------------------------------------------------------------------------
 
@@ -396,9 +411,13 @@ class ControlledStepper(TimeStepper):
             end = self.data.at(factor)
             return posed_stage(self.discrete, self.stages.bodies, before, operator, end, end, start, law)
 
-        frozen = self._frozen(before, known, posed(known.factor), posed(known.factor + step), step)
+        # Loads are straight lines: from one end or the other nothing cancels.
+        low, high = self.span[0], self.span[0] + self._reach
+        other = low if abs(known.factor - low) > abs(known.factor - high) else high
+        frozen = self._frozen(before, known, posed(known.factor), posed(other), other - known.factor)
         pair = None if frozen is None else self._pair(frozen, known, before, step)
         factor = known.factor if pair is None else pair.factor
+        self._refuse_bent(factor)
         stage = posed(factor)
         most = 0.0 if frozen is None else known.largest * norm(frozen.rate)
         solved = self._solved_stage(stage, before, pair, most)
@@ -426,7 +445,7 @@ class ControlledStepper(TimeStepper):
         return replace(taken, moment=replace(taken.moment, control=control))
 
     def _frozen(
-        self, before: TimeState, known: LoadControl, first: Stage, second: Stage, step: float
+        self, before: TimeState, known: LoadControl, first: Stage, second: Stage, apart: float
     ) -> _FrozenStep | None:
         workspace, problem = self.stages.workspace, first.problem
         system = workspace.condensed(problem, many=True)
@@ -442,7 +461,7 @@ class ControlledStepper(TimeStepper):
             secant[index] = name in before.memory
         secant[:, 1:] &= self.discrete.follows_slip[:, None]
         start = _Pair(before.local.displacement - first.origin, before.multiplier, known.factor)
-        rate, held = (other.load - system.load) / step, (other.fixed - system.fixed) / step
+        rate, held = (other.load - system.load) / apart, (other.fixed - system.fixed) / apart
         return _FrozenStep(equation, start, rate, held, secant)
 
     def _straight(self, goal: float, spent: float, lost: float, given: bool) -> bool:
