@@ -126,6 +126,37 @@ def test_an_opening_that_is_given_has_another_unit_than_the_load_factor(units: t
     np.testing.assert_allclose(opening, history.times / length, atol=1e-10)
 
 
+def lifted_aside(fall: float, force: float = 1.0, length: float = 1.0, side: str = "right") -> hv.ContactProblem:
+    """A body on glue, lifted at one side."""
+    compared = force / length
+    contact = hv.Contact(hv.Adhesive(STIFF * compared, STRENGTH * force, fall * compared, 72.0 * compared))
+    return hv.ContactProblem(
+        rectangle((2.0 * length, 0.5 * length), (4, 2)), hv.Material.lame(40.0 * force, 40.0 * force),
+        {"bottom": contact}, {"left" if side == "right" else "right": hv.Roller()},
+        tractions={side: lambda x, t: np.tile([0.0, force * t], (len(x), 1))},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("other", [{"side": "left"}, {"force": 1e6, "length": 1e-3}])
+def test_a_boundary_opens_as_the_load_grows_wherever_it_does(other: dict[str, object]) -> None:
+    """At the side that is lifted: neither the order of points nor units choose the sign of the load."""
+    found = []
+    for given in ({}, other):
+        body, length = lifted_aside(36.0, **given), given.get("length", 1.0)  # type: ignore[arg-type]
+        found.append(
+            march(Evolution(body), 0.12 * length, step=0.04 * length, control={"opening": "bottom"})  # type: ignore[operator]
+        )
+    factors = [history["load_factor"] for history in found]
+    assert (factors[0][1:] > 0.5).all()
+    np.testing.assert_allclose(factors[1], factors[0], rtol=0.05 if "side" in other else 1e-8)
+
+
+def test_a_load_that_closes_the_boundary_whose_opening_is_given_is_refused() -> None:
+    pressed = Evolution(column(6.0, lambda x, t: lifted(x, -t)))
+    with pytest.raises(ProblemError, match="needs loads that open 'bottom' as t grows"):
+        march(pressed, 0.3, step=0.02, control={"opening": "bottom"})
+
+
 def waving(x: Array, t: float) -> Array:
     return lifted(x, t + 0.3 * np.sin(2.0 * np.pi * t))
 
@@ -152,12 +183,7 @@ def test_a_march_that_goes_on_from_its_checkpoint_is_the_same(tmp_path: Path) ->
 @pytest.mark.parametrize("fall", [36.0, 200.0])
 def test_brittle_glue_that_is_whole_does_not_count_as_broken(fall: float) -> None:
     """A body lifted at one side: where its way is lost the march says so, and no step falls back to the start."""
-    contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, fall, 72.0))
-    lifted_aside = hv.ContactProblem(
-        rectangle((2.0, 0.5), (4, 2)), hv.Material.lame(40.0, 40.0), {"bottom": contact}, {"left": hv.Roller()},
-        tractions={"right": lifted},
-    )  # fmt: skip
-    history = march(Evolution(lifted_aside), 6.0, step=0.1, control="dissipation")
+    history = march(Evolution(lifted_aside(fall)), 6.0, step=0.1, control="dissipation")
     energy = 2.0 * 0.5 * STRENGTH * (FIRST + STRENGTH / fall)
     assert history["load_factor"].max() > 2.0
     assert history.ended != "broken" or history["memory"][-1] > 0.98 * energy

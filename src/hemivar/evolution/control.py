@@ -52,12 +52,10 @@ __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_
 DISSIPATION = "dissipation"
 #: Newton's equations of a step at most.
 _ROUNDS = 15
-#: Change of a place, as a part of its size, at which it stands; what it may still be where the balance is exact.
+#: Change of a place, as a part of its size, at which it stands; what it may still be where it falls no more.
 _STANDS, _STILL = 1e-12, 1e-7
 #: Part of a step by which what is given may be missed where it stands.
 _MET = 1e-6
-#: Rounding of a balance, as a part of the forces in it.
-_ROUNDING = 1e-13
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
 #: Part of what the largest load stored below which nothing was dissipated.
@@ -70,6 +68,8 @@ _FALLS, _CUTS = 1.1, 4
 _SAME = 1e-9
 #: How far pairs are taken outward for a guess.
 _OUTWARD = (1e-6, 1e-3)
+#: Parts of the load of a first opening, as if the body were linear, by which its direction is sought.
+_SMALL = 0.1, 1e-2, 1e-3, 1e-4
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
 _LEAST, _MOST = 0.5, 2.5
 #: Part of what acts by which it may miss a straight line; multiples of the other meet no period of it.
@@ -238,9 +238,25 @@ class _FrozenStep:
         """The start, all pairs a little farther from the origin: where glue that was damaged before softens on."""
         return self.ahead((self.start.r, self.start.lam, 0.0), part)
 
+    @property
+    def guesses(self) -> tuple[_Pair, ...]:
+        """The start, and pairs farther outward."""
+        return self.start, *map(self.outward, _OUTWARD)
+
+    def way(self, pair: _Pair) -> tuple[Array, Array, float]:
+        """The way from the start to a pair."""
+        return pair.r - self.start.r, pair.lam - self.start.lam, pair.factor - self.start.factor
+
+    def yields(self, change: float) -> float:
+        """How far points go where the load factor changes, by the slopes at the start."""
+        a, (_, *by) = self.equation.stiffness, self.load(change)(self.start)
+        on = self.equation.chart.at(a * self.start.r + self.start.lam)
+        found = self._change(on.jacobian, np.zeros(self.system.shape), -1.0, (by[0], by[1], by[2]))
+        return 0.0 if found is None else _largest(found[0] / a)
+
     def solved(self, guess: _Pair, border: _Border) -> _Pair | None:
         """The equilibrium near a guess at which a border is zero; None where Newton's method does not find it."""
-        a = self.equation.stiffness
+        a, stands = self.equation.stiffness, False
         p, factor, last = a * guess.r + guess.lam, guess.factor, np.inf
         for number in range(1, _ROUNDS + 1):
             check_time()
@@ -251,16 +267,16 @@ class _FrozenStep:
             pair = _Pair(on.r, on.multiplier, factor, number)
             missed, by_r, by_lam, by_factor = border(pair)
             balance, size = self._balance(pair)
+            if stands:  # what the last step left is not handed on to the next
+                return pair if norm(balance) <= 1e-9 * size else None
             change = self._change(on.jacobian, balance, missed, (by_r, by_lam, by_factor))
             if change is None:
                 return None
             step, more = change
-            # As far as the place moves, in displacements; the balance says whether that is rounding.
+            # As far as the place moves, in displacements; what is rounding falls no more.
             far, moved = max(_largest(p / a), _largest((p + step) / a)), _largest(step / a)
             moved /= far or 1.0
-            exact, met = norm(balance) <= _ROUNDING * size, abs(missed) <= _MET
-            if met and (moved <= _STANDS or (moved <= _STILL and (exact or moved >= 0.5 * last))):
-                return pair if norm(balance) <= 1e-9 * size else None
+            stands = abs(missed) <= _MET and (moved <= _STANDS or (moved <= _STILL and moved >= 0.5 * last))
             p, factor, last = p + step, factor + more, moved
         return None
 
@@ -439,8 +455,7 @@ class ControlledStepper(TimeStepper):
             step,
             pair.factor - known.factor,
             spent,
-            pair.r - frozen.start.r,
-            pair.lam - frozen.start.lam,
+            *frozen.way(pair)[:2],
         )
         return replace(taken, moment=replace(taken.moment, control=control))
 
@@ -478,10 +493,7 @@ class ControlledStepper(TimeStepper):
         way = known.slid, known.pressed, known.moved
         on = frozen.ahead(way, min(step / known.step, _AHEAD) if known.step else 0.0)
         if self.control.opening is not None:
-            points = self.discrete.problem.contact.on(self.control.opening)
-            border = frozen.opening(points, step)
-            found = frozen.solved(on, border)
-            return frozen.solved(frozen.start, border) if found is None else found
+            return self._opening(frozen, on if known.step else None, step, self.control.opening)
         goal = known.pace * step
         if known.spent > 0.0 and not _is_step(known.moved, known.step):
             found = self._dissipating(frozen, goal, step, way, known.spent)
@@ -494,8 +506,29 @@ class ControlledStepper(TimeStepper):
         spent = frozen.spent(loaded)
         if spent <= _MORE * goal or not known.pace:
             return loaded
-        way = loaded.r - frozen.start.r, loaded.lam - frozen.start.lam, loaded.factor - frozen.start.factor
-        return self._dissipating(frozen, goal, step, way, spent)
+        return self._dissipating(frozen, goal, step, frozen.way(loaded), spent)
+
+    def _opening(self, frozen: _FrozenStep, on: _Pair | None, step: float, boundary: str) -> _Pair | None:
+        """The equilibrium at which a boundary has opened by a step: sought from where the last step leads.
+
+        At first there is none, and a small load tells the direction.
+        """
+        points = self.discrete.problem.contact.on(boundary)
+        border = frozen.opening(points, step)
+        if on is None:
+            load = step / max(frozen.yields(self._reach), np.finfo(float).tiny) * self._reach
+            tried = (frozen.solved(frozen.start, frozen.load(part * load)) for part in _SMALL)
+            loaded = next((pair for pair in tried if pair is not None), None)
+            if loaded is None:
+                return None
+            way, grown = frozen.way(loaded), frozen.opened(points, loaded)
+            if grown <= _NOTHING * _largest(way[0]):
+                raise ProblemError(
+                    f"control = {{'opening': '{boundary}'}} needs loads that open '{boundary}' as t grows, and these "
+                    "do not; turn their sign, or name a boundary that opens"
+                )
+            on = frozen.ahead(way, step / grown)
+        return next(filter(None, (frozen.solved(guess, border) for guess in (on, *frozen.guesses))), None)
 
     def _dissipating(
         self,
@@ -512,9 +545,8 @@ class ControlledStepper(TimeStepper):
         found = None
         for _ in range(_CUTS):
             guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
-            border, guesses = frozen.dissipation(goal), [*guesses, *map(frozen.outward, _OUTWARD)]
-            pairs = (frozen.solved(guess, border) for guess in guesses)
-            found = next((pair for pair in pairs if pair is not None), None)
+            border, guesses = frozen.dissipation(goal), [*guesses, *frozen.guesses[1:]]
+            found = next(filter(None, (frozen.solved(guess, border) for guess in guesses)), None)
             fall = 0.0 if found is None else frozen.start.factor - found.factor
             if fall <= _FALLS * step:
                 return found
