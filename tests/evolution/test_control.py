@@ -65,6 +65,16 @@ def test_a_dead_load_on_a_spring_is_followed_until_the_glue_has_broken(fall: flo
     assert not history["jumped"].any()
 
 
+@pytest.mark.parametrize("fall", [6.0, 36.0])
+@pytest.mark.parametrize("step", [0.27, 0.7, 1.1])
+def test_steps_that_do_not_meet_the_peak_lead_over_it(fall: float, step: float) -> None:
+    history = followed(fall, 4.0, step, "dissipation")
+    assert history.ended == "finished"
+    loads = check_the_way(history, fall)
+    assert STRENGTH - step < loads.max() <= STRENGTH
+    assert loads[-1] < 0.75 * STRENGTH
+
+
 @pytest.mark.parametrize(("fall", "dissipates"), [(1.0, 0.3), (6.0, 0.25), (36.0, 1.0 / 12.0)])
 def test_while_nothing_dissipates_time_is_the_load_factor_and_then_energy_or_a_load_that_falls(
     fall: float, dissipates: float

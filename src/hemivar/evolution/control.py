@@ -67,7 +67,7 @@ _FALLS, _CUTS = 1.1, 4
 #: Part of a step by which its load factor may miss it and be given.
 _SAME = 1e-9
 #: How far pairs are taken outward for a guess.
-_OUTWARD = (1e-6, 1e-3)
+_OUTWARD = (1e-6, 1e-3, 1e-2, 5e-2, 0.2)
 #: Parts of the load of a first opening, as if the body were linear, by which its direction is sought.
 _SMALL = 0.1, 1e-2, 1e-3, 1e-4
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
