@@ -31,7 +31,8 @@ def column(fall: float, load: object = lifted) -> hv.ContactProblem:
 
 def followed(fall: float, until: float, step: float, control: object, **more: object) -> History:
     options = {"save": Save(probes={"top": (0.5, 1.0)}), "controls": TIGHT} | more
-    return march(Evolution(column(fall)), until, step=step, control=control, **options)  # type: ignore[arg-type]
+    problem = options.pop("problem", None) or column(fall)
+    return march(Evolution(problem), until, step=step, control=control, **options)  # type: ignore[arg-type]
 
 
 def check_the_way(history: History, fall: float) -> Array:
@@ -97,7 +98,8 @@ def test_the_load_factor_of_a_moved_support_may_fall_as_well() -> None:
     held = hv.Fixed(y=lambda x, t: np.full(len(x), t))
     contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, 36.0, 72.0))
     moved = Evolution(bodies.column(contact, stiffness=SPRING, top=held))
-    history = march(moved, 0.5, step=0.02, control="dissipation", controls=TIGHT)
+    history = march(moved, 0.8, step=0.02, control="dissipation", controls=TIGHT)
+    assert history.ended == "broken"
     opening = np.array([-frame.local[0, 0] for frame in history.frames])
     carried = np.where(opening <= FIRST, STIFF * opening, 36.0 * (FIRST + STRENGTH / 36.0 - opening).clip(0.0))
     np.testing.assert_allclose(history["load_factor"], opening + carried / SPRING, atol=1e-11)
@@ -120,6 +122,23 @@ def test_units_do_not_matter(units: tuple[float, float]) -> None:
     found = [march(Evolution(in_units(*one)), 3.0, step=0.1, control="dissipation") for one in ((1.0, 1.0), units)]
     assert [one.ended for one in found] == ["finished", "finished"]
     np.testing.assert_allclose(found[0]["load_factor"], found[1]["load_factor"], rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("first", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("control", "until", "step"), [("dissipation", 7.0, 0.1), ({"opening": "bottom"}, 0.9, 0.07 / 0.24)]
+)
+def test_glue_is_broken_where_it_carries_nothing_not_where_the_load_factor_is_that_of_the_start(
+    first: float, control: object, until: float, step: float
+) -> None:
+    """Under 1 + t glue still carries 1 where the load factor has come back to 0."""
+    history = followed(6.0, until, step, control, problem=in_units(1.0, 1.0, first=first))
+    opening = np.array([-frame.local[0, 0] for frame in history.frames])
+    carried = np.where(opening <= FIRST, STIFF * opening, 6.0 * (0.5 - opening).clip(0.0))
+    carried[opening < 0.0] *= 72.0 / STIFF
+    assert history.ended == "broken"
+    np.testing.assert_allclose(history["load_factor"] + first, carried, atol=1e-11)
+    assert carried[-1] <= 0.01 * STRENGTH < carried[-2]
 
 
 @pytest.mark.parametrize("units", [(1.0, 1.0, 1e-6), (1e6, 1e-3, 1e-6), (1e9, 1e-6, 1e-9), (1e6, 1e-3, 1e6)])

@@ -74,7 +74,7 @@ _SMALL = 0.1, 1e-2, 1e-3, 1e-4
 _LEAST, _MOST = 0.5, 2.5
 #: Part of what acts by which it may miss a straight line; multiples of the other meet no period of it.
 _BENT, _GOLDEN = 1e-9, 0.5 * (np.sqrt(5.0) - 1.0)
-#: Part of the largest change of the load factor at which a joint counts as broken.
+#: Part of the most that glue carried at which it counts as broken.
 _BROKEN = 1e-2
 
 
@@ -249,15 +249,16 @@ class _FrozenStep:
 
     def yields(self, change: float) -> float:
         """How far points go where the load factor changes, by the slopes at the start."""
-        a, (_, *by) = self.equation.stiffness, self.load(change)(self.start)
+        a, (_, by_r, by_lam, by_factor) = self.equation.stiffness, self.load(change)(self.start)
         on = self.equation.chart.at(a * self.start.r + self.start.lam)
-        found = self._change(on.jacobian, np.zeros(self.system.shape), -1.0, (by[0], by[1], by[2]))
+        found = self._change(on.jacobian, np.zeros(self.system.shape), -1.0, (by_r, by_lam, by_factor))
         return 0.0 if found is None else _largest(found[0] / a)
 
     def solved(self, guess: _Pair, border: _Border) -> _Pair | None:
         """The equilibrium near a guess at which a border is zero; None where Newton's method does not find it."""
         a, stands = self.equation.stiffness, False
         p, factor, last = a * guess.r + guess.lam, guess.factor, np.inf
+        before = _largest(self.start.r + self.start.lam / a)
         for number in range(1, _ROUNDS + 1):
             check_time()
             try:
@@ -274,7 +275,7 @@ class _FrozenStep:
                 return None
             step, more = change
             # As far as the place moves, in displacements; what is rounding falls no more.
-            far, moved = max(_largest(p / a), _largest((p + step) / a)), _largest(step / a)
+            far, moved = max(before, _largest(p / a), _largest((p + step) / a)), _largest(step / a)
             moved /= far or 1.0
             stands = abs(missed) <= _MET and (moved <= _STANDS or (moved <= _STILL and moved >= 0.5 * last))
             p, factor, last = p + step, factor + more, moved
@@ -399,16 +400,25 @@ class ControlledStepper(TimeStepper):
         if state.control is not None:
             return state.control
         none = np.zeros_like(state.multiplier)
-        return LoadControl(self.span[0], 0.0, 0.0, 0.0, 0.0, 0.0, none, none)
+        return LoadControl(self.span[0], 0.0, 0.0, self._carried(state), 0.0, 0.0, 0.0, none, none)
 
     def extra_columns(self, state: TimeState) -> dict[str, float]:
         return {"load_factor": self.known(state).factor}
 
     def broken(self, state: TimeState) -> bool:
-        """Whether the load factor has fallen to next to nothing of its largest one."""
+        """Whether glue has dissipated, and carries next to nothing of the most that it carried."""
         known = self.known(state)
         lost = state.ledger.memory > _NOTHING * known.pace * known.largest
-        return lost and abs(known.factor - self.span[0]) <= _BROKEN * known.largest
+        return lost and self._carried(state) <= _BROKEN * known.carried
+
+    def _carried(self, state: TimeState) -> float:
+        """What glue holds the body with: tension and shear, not what presses it."""
+        holds = state.multiplier.copy()
+        np.minimum(holds[:, 0], 0.0, out=holds[:, 0])
+        weights = self.discrete.problem.contact.weights[:, None]
+        return max(
+            (norm((weights * holds)[at]) for name, at in self.discrete.blocks if name in state.memory), default=0.0
+        )
 
     # ---- a step ----------------------------------------------------------------------------------------------
 
@@ -446,18 +456,29 @@ class ControlledStepper(TimeStepper):
         if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory, given):
             return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
         largest = max(known.largest, gone)
-        # At the first step the body is elastic: what it stores is a square of the factor.
-        pace = known.pace / known.largest if known.pace else 2.0 * max(ledger.stored - ledger.start, 0.0) / gone**2
+        # At the first step the body is elastic: what it stores of the growth alone is a square of the factor.
+        pace = known.pace / known.largest if known.pace else 2.0 * self._stored(before, taken.moment) / gone**2
         control = LoadControl(
             pair.factor,
             pace * largest,
             largest,
+            max(known.carried, self._carried(taken.moment)),
             step,
             pair.factor - known.factor,
             spent,
             *frozen.way(pair)[:2],
         )
         return replace(taken, moment=replace(taken.moment, control=control))
+
+    def _stored(self, before: TimeState, after: TimeState) -> float:
+        """Energy of the change from one state to another, as if it were alone."""
+        one, other = before.body, with_products(self.discrete, after).body
+        assert one.stiffness_force is not None
+        assert other.stiffness_force is not None
+        stretched = (other.displacement - one.displacement) @ (other.stiffness_force - one.stiffness_force)
+        moved, pressed = after.local.displacement - before.local.displacement, after.multiplier - before.multiplier
+        weights = self.discrete.problem.contact.weights[:, None]
+        return 0.5 * max(float(stretched) + float((weights * moved * pressed).sum()), 0.0)
 
     def _frozen(
         self, before: TimeState, known: LoadControl, first: Stage, second: Stage, apart: float
