@@ -248,6 +248,7 @@ CASES = {
     "heat": (lambda: Evolution(plain(), heat=hv.mechanics.Heat(1.0, 1.0)), {}, "has heat"),
     "scheme": (lambda: Evolution(plain()), {"scheme": "sdirk2"}, "goes with the scheme implicit-euler"),
     "adaptive": (lambda: Evolution(plain()), {"step": AdaptiveStep(1e-3)}, "give a length of steps"),
+    "jump": (lambda: Evolution(plain()), {"jump": "arc-length"}, "jump = 'arc-length' would choose one"),
     "bent": (lambda: Evolution(column(6.0, lambda x, t: np.tile([0.0, t * t], (len(x), 1)))), {}, "bends over t"),
     "constant": (lambda: Evolution(column(6.0, (0.0, 1.0))), {}, "grows with t"),
     "damping": (

@@ -108,13 +108,15 @@ def control_of(given: object) -> Control | None:
     raise ProblemError(f"control is {shown}; give '{DISSIPATION}', or {{'opening': name}} of a contact boundary")
 
 
-def refuse_control(stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController) -> None:
+def refuse_control(
+    stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController, jump: SelectionRule
+) -> None:
     """Refuse what does not go with a load factor that is unknown.
 
     Raises
     ------
     ProblemError
-        The body resists rates, has heat, or is not linear; the scheme or the steps are others.
+        The body resists rates, has heat, or is not linear; the scheme, the steps or the rule of jumps are others.
     """
     material = stated.problem.material
     why = ""
@@ -149,6 +151,8 @@ def refuse_control(stated: Evolution, control: Control, scheme: Scheme, step: St
         raise ProblemError(f"control = ... goes with the scheme {ImplicitEuler.name}, not {scheme.name}; leave it out")
     if not isinstance(step, FixedStep):
         raise ProblemError("control = ... chooses no steps by an error in time; give a length of steps")
+    if jump not in (SelectionRule.LOCAL, SelectionRule.STOP):
+        raise ProblemError(f"control = ... leads around jumps, and jump = '{jump}' would choose one; leave it out")
 
 
 @dataclass(frozen=True, eq=False)
