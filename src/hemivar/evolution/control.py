@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -51,13 +52,13 @@ __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_
 DISSIPATION = "dissipation"
 #: Newton's equations of a step at most.
 _ROUNDS = 15
-#: Change of a place, as a part of its size, at which it stands; what it may still be where the balance is exact.
+#: Change of a place, as a part of its size, at which it stands; what it may still be where it falls no more.
 _STANDS, _STILL = 1e-12, 1e-7
-#: Rounding of a balance, as a part of the forces in it.
-_ROUNDING = 1e-13
+#: Part of a step by which what is given may be missed where it stands.
+_MET = 1e-6
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
-#: Part of the pace below which a step dissipates nothing.
+#: Part of what the largest load stored below which nothing was dissipated.
 _NOTHING = 1e-9
 #: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
 _AHEAD, _MORE = 4.0, 1.0 + 1e-6
@@ -66,10 +67,14 @@ _FALLS, _CUTS = 1.1, 4
 #: Part of a step by which its load factor may miss it and be given.
 _SAME = 1e-9
 #: How far pairs are taken outward for a guess.
-_OUTWARD = (1e-6, 1e-3)
+_OUTWARD = (1e-6, 1e-3, 1e-2, 5e-2, 0.2)
+#: Parts of the load of a first opening, as if the body were linear, by which its direction is sought.
+_SMALL = 0.1, 1e-2, 1e-3, 1e-4
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
 _LEAST, _MOST = 0.5, 2.5
-#: Part of the largest change of the load factor at which a joint counts as broken.
+#: Part of what acts by which it may miss a straight line; multiples of the other meet no period of it.
+_BENT, _GOLDEN = 1e-9, 0.5 * (np.sqrt(5.0) - 1.0)
+#: Part of the most that glue carried at which it counts as broken.
 _BROKEN = 1e-2
 
 
@@ -103,13 +108,15 @@ def control_of(given: object) -> Control | None:
     raise ProblemError(f"control is {shown}; give '{DISSIPATION}', or {{'opening': name}} of a contact boundary")
 
 
-def refuse_control(stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController) -> None:
+def refuse_control(
+    stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController, jump: SelectionRule
+) -> None:
     """Refuse what does not go with a load factor that is unknown.
 
     Raises
     ------
     ProblemError
-        The body resists rates, has heat, or is not linear; the scheme or the steps are others.
+        The body resists rates, has heat, or is not linear; the scheme, the steps or the rule of jumps are others.
     """
     material = stated.problem.material
     why = ""
@@ -144,6 +151,8 @@ def refuse_control(stated: Evolution, control: Control, scheme: Scheme, step: St
         raise ProblemError(f"control = ... goes with the scheme {ImplicitEuler.name}, not {scheme.name}; leave it out")
     if not isinstance(step, FixedStep):
         raise ProblemError("control = ... chooses no steps by an error in time; give a length of steps")
+    if jump not in (SelectionRule.LOCAL, SelectionRule.STOP):
+        raise ProblemError(f"control = ... leads around jumps, and jump = '{jump}' would choose one; leave it out")
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +165,7 @@ class _Pair:
     rounds: int = 0
 
 
-#: A number that is to be zero, and its derivatives by r, lam (m, c) and the factor.
+#: What a step misses, as a part of what is given, and its derivatives by r, lam (m, c) and the factor.
 _Border = Callable[[_Pair], tuple[float, Array, Array, float]]
 
 
@@ -185,34 +194,39 @@ class _FrozenStep:
 
     def spent(self, pair: _Pair) -> float:
         """What is dissipated on the way to a pair, as if it were straight."""
-        return self.dissipation(0.0)(pair)[0]
+        by_r, by_lam = self._dissipating
+        return float((by_r * pair.r).sum() + (by_lam * pair.lam).sum())
 
     # ---- what is given -----------------------------------------------------------------------------------
 
-    def load(self, factor: float) -> _Border:
-        """The load factor."""
-        zero = np.zeros(self.system.shape)
-        return lambda pair: (pair.factor - factor, zero, zero, 1.0)
+    def load(self, change: float) -> _Border:
+        """A change of the load factor."""
+        zero, start = np.zeros(self.system.shape), self.start.factor
+        return lambda pair: ((pair.factor - start) / change - 1.0, zero, zero, 1.0 / change)
 
     def dissipation(self, goal: float) -> _Border:
         """What is dissipated."""
+        by_r, by_lam = (part / goal for part in self._dissipating)
+        return lambda pair: (self.spent(pair) / goal - 1.0, by_r, by_lam, 0.0)
+
+    @property
+    def _dissipating(self) -> tuple[Array, Array]:
+        """Derivatives of what is dissipated by r and lam."""
         half = 0.5 * self.spread_weights * self.secant
-        by_r, by_lam = half * self.start.lam, -half * self.start.r
+        return half * self.start.lam, -half * self.start.r
 
-        def border(pair: _Pair) -> tuple[float, Array, Array, float]:
-            return float((by_r * pair.r).sum() + (by_lam * pair.lam).sum()) - goal, by_r, by_lam, 0.0
+    def opened(self, points: IntArray, pair: _Pair) -> float:
+        """By how much the largest opening of some contact points grows."""
+        return float(self.start.r[points, 0].min() - pair.r[points, 0].min())
 
-        return border
-
-    def opening(self, points: IntArray, goal: float) -> _Border:
-        """The largest opening of some contact points."""
+    def opening(self, points: IntArray, change: float) -> _Border:
+        """A growth of the largest opening of some contact points."""
         zero = np.zeros(self.system.shape)
 
         def border(pair: _Pair) -> tuple[float, Array, Array, float]:
-            widest = points[int(np.argmin(pair.r[points, 0]))]
             by_r = zero.copy()
-            by_r[widest, 0] = -1.0
-            return -float(pair.r[widest, 0]) - goal, by_r, zero, 0.0
+            by_r[points[int(np.argmin(pair.r[points, 0]))], 0] = -1.0 / change
+            return self.opened(points, pair) / change - 1.0, by_r, zero, 0.0
 
         return border
 
@@ -228,10 +242,27 @@ class _FrozenStep:
         """The start, all pairs a little farther from the origin: where glue that was damaged before softens on."""
         return self.ahead((self.start.r, self.start.lam, 0.0), part)
 
+    @property
+    def guesses(self) -> tuple[_Pair, ...]:
+        """The start, and pairs farther outward."""
+        return self.start, *map(self.outward, _OUTWARD)
+
+    def way(self, pair: _Pair) -> tuple[Array, Array, float]:
+        """The way from the start to a pair."""
+        return pair.r - self.start.r, pair.lam - self.start.lam, pair.factor - self.start.factor
+
+    def yields(self, change: float) -> float:
+        """How far points go where the load factor changes, by the slopes at the start."""
+        a, (_, by_r, by_lam, by_factor) = self.equation.stiffness, self.load(change)(self.start)
+        on = self.equation.chart.at(a * self.start.r + self.start.lam)
+        found = self._change(on.jacobian, np.zeros(self.system.shape), -1.0, (by_r, by_lam, by_factor))
+        return 0.0 if found is None else _largest(found[0] / a)
+
     def solved(self, guess: _Pair, border: _Border) -> _Pair | None:
         """The equilibrium near a guess at which a border is zero; None where Newton's method does not find it."""
-        a = self.equation.stiffness
+        a, stands = self.equation.stiffness, False
         p, factor, last = a * guess.r + guess.lam, guess.factor, np.inf
+        before = _largest(self.start.r + self.start.lam / a)
         for number in range(1, _ROUNDS + 1):
             check_time()
             try:
@@ -241,15 +272,16 @@ class _FrozenStep:
             pair = _Pair(on.r, on.multiplier, factor, number)
             missed, by_r, by_lam, by_factor = border(pair)
             balance, size = self._balance(pair)
+            if stands:  # what the last step left is not handed on to the next
+                return pair if norm(balance) <= 1e-9 * size else None
             change = self._change(on.jacobian, balance, missed, (by_r, by_lam, by_factor))
             if change is None:
                 return None
             step, more = change
-            # As far as the place moves, in displacements; the balance says whether that is rounding.
-            moved = float(np.abs(step / a).max()) / (float(np.abs(p / a).max()) or 1.0)
-            exact = norm(balance) <= _ROUNDING * size
-            if moved <= _STANDS or (exact and moved <= _STILL) or (moved <= _STILL and moved >= 0.5 * last):
-                return pair if norm(balance) <= 1e-9 * size else None
+            # As far as the place moves, in displacements; what is rounding falls no more.
+            far, moved = max(before, _largest(p / a), _largest((p + step) / a)), _largest(step / a)
+            moved /= far or 1.0
+            stands = abs(missed) <= _MET and (moved <= _STANDS or (moved <= _STILL and moved >= 0.5 * last))
             p, factor, last = p + step, factor + more, moved
         return None
 
@@ -330,28 +362,40 @@ class ControlledStepper(TimeStepper):
             raise ProblemError("control = ... is for one process; leave the engine out")
         if control.opening is not None:
             discrete.problem.contact.on(control.opening)
-        made._refuse_bent()
+        low = made.span[0]
+        made._refuse_bent(*(low + (number * _GOLDEN % 1.0) * (until - low) for number in range(1, 9)), until)
         return made
 
-    def _refuse_bent(self) -> None:
-        """Refuse what acts where it is no straight line over the load factor, or stays as it is."""
+    @cached_property
+    def _reach(self) -> float:
+        """A distance of load factors over which what acts grows by its own size, or the whole one."""
         low, high = self.span
-        first, middle, last = (self.data.at(time) for time in (low, 0.5 * (low + high), high))
-        grows = False
-        for name in ("load", "prescribed", "offset"):
-            one, two, three = (getattr(acting, name) for acting in (first, middle, last))
-            size = max((float(np.abs(part).max(initial=0.0)) for part in (one, two, three)), default=0.0)
-            if np.abs(one - 2.0 * two + three).max(initial=0.0) > 1e-9 * size:
-                raise ProblemError(
-                    "control = ... takes t for the load factor, and a load, support or gap bends over t; "
-                    "state it as a multiple of t"
-                )
-            grows = grows or bool(np.abs(three - one).max(initial=0.0) > 0.0)
-        if not grows:
+        parts = [(_largest(two - one), _largest(one)) for one, two in zip(*map(self._acting, self.span), strict=True)]
+        grown = max(growth / size if size else np.inf * growth if growth else 0.0 for growth, size in parts)
+        if not grown:
             raise ProblemError(
                 "control = ... takes t for the load factor, and no load, support or gap grows with t; state it as a "
                 "multiple of t"
             )
+        return (high - low) * max(1.0, 1.0 / grown)
+
+    def _acting(self, factor: float) -> tuple[Array, Array, Array]:
+        data = self.data.at(factor)
+        return data.load, data.prescribed, data.offset
+
+    def _refuse_bent(self, *factors: float) -> None:
+        """Refuse what acts where it is no straight line over the load factor, or stays as it is."""
+        low, reach = self.span[0], self._reach
+        first, far = self._acting(low), self._acting(low + reach)
+        for factor in factors:
+            part = (factor - low) / reach
+            for one, two, there in zip(first, far, self._acting(factor), strict=True):
+                size = max(map(_largest, (one, two, there, part * (two - one))))
+                if _largest(there - one - part * (two - one)) > _BENT * size:
+                    raise ProblemError(
+                        f"control = ... takes t for the load factor, and a load, support or gap bends over t, at t = "
+                        f"{factor:.6g} or before; state it as a multiple of t"
+                    )
 
     # ---- what is told --------------------------------------------------------------------------------------
 
@@ -360,15 +404,25 @@ class ControlledStepper(TimeStepper):
         if state.control is not None:
             return state.control
         none = np.zeros_like(state.multiplier)
-        return LoadControl(self.span[0], 0.0, 0.0, 0.0, 0.0, 0.0, none, none)
+        return LoadControl(self.span[0], 0.0, 0.0, self._carried(state), 0.0, 0.0, 0.0, none, none)
 
     def extra_columns(self, state: TimeState) -> dict[str, float]:
         return {"load_factor": self.known(state).factor}
 
     def broken(self, state: TimeState) -> bool:
-        """Whether the load factor has fallen to next to nothing of its largest one."""
+        """Whether glue has dissipated, and carries next to nothing of the most that it carried."""
         known = self.known(state)
-        return known.spent > 0.0 and abs(known.factor - self.span[0]) <= _BROKEN * known.largest
+        lost = state.ledger.memory > _NOTHING * known.pace * known.largest
+        return lost and self._carried(state) <= _BROKEN * known.carried
+
+    def _carried(self, state: TimeState) -> float:
+        """What glue holds the body with: tension and shear, not what presses it."""
+        holds = state.multiplier.copy()
+        np.minimum(holds[:, 0], 0.0, out=holds[:, 0])
+        weights = self.discrete.problem.contact.weights[:, None]
+        return max(
+            (norm((weights * holds)[at]) for name, at in self.discrete.blocks if name in state.memory), default=0.0
+        )
 
     # ---- a step ----------------------------------------------------------------------------------------------
 
@@ -387,9 +441,13 @@ class ControlledStepper(TimeStepper):
             end = self.data.at(factor)
             return posed_stage(self.discrete, self.stages.bodies, before, operator, end, end, start, law)
 
-        frozen = self._frozen(before, known, posed(known.factor), posed(known.factor + step), step)
+        # Loads are straight lines: from one end or the other nothing cancels.
+        low, high = self.span[0], self.span[0] + self._reach
+        other = low if abs(known.factor - low) > abs(known.factor - high) else high
+        frozen = self._frozen(before, known, posed(known.factor), posed(other), other - known.factor)
         pair = None if frozen is None else self._pair(frozen, known, before, step)
         factor = known.factor if pair is None else pair.factor
+        self._refuse_bent(factor)
         stage = posed(factor)
         most = 0.0 if frozen is None else known.largest * norm(frozen.rate)
         solved = self._solved_stage(stage, before, pair, most)
@@ -398,25 +456,36 @@ class ControlledStepper(TimeStepper):
         if frozen is None or pair is None or taken.status is not Status.CONVERGED:
             return taken
         spent, ledger, gone = frozen.spent(pair), taken.moment.ledger, abs(pair.factor - self.span[0])
-        if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory):
+        given = _is_step(pair.factor - known.factor, step)
+        if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory, given):
             return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
         largest = max(known.largest, gone)
-        # At the first step the body is elastic: what it stores is a square of the factor.
-        pace = known.pace / known.largest if known.pace else 2.0 * max(ledger.stored - ledger.start, 0.0) / gone**2
+        # At the first step the body is elastic: what it stores of the growth alone is a square of the factor.
+        pace = known.pace / known.largest if known.pace else 2.0 * self._stored(before, taken.moment) / gone**2
         control = LoadControl(
             pair.factor,
             pace * largest,
             largest,
+            max(known.carried, self._carried(taken.moment)),
             step,
             pair.factor - known.factor,
             spent,
-            pair.r - frozen.start.r,
-            pair.lam - frozen.start.lam,
+            *frozen.way(pair)[:2],
         )
         return replace(taken, moment=replace(taken.moment, control=control))
 
+    def _stored(self, before: TimeState, after: TimeState) -> float:
+        """Energy of the change from one state to another, as if it were alone."""
+        one, other = before.body, with_products(self.discrete, after).body
+        assert one.stiffness_force is not None
+        assert other.stiffness_force is not None
+        stretched = (other.displacement - one.displacement) @ (other.stiffness_force - one.stiffness_force)
+        moved, pressed = after.local.displacement - before.local.displacement, after.multiplier - before.multiplier
+        weights = self.discrete.problem.contact.weights[:, None]
+        return 0.5 * max(float(stretched) + float((weights * moved * pressed).sum()), 0.0)
+
     def _frozen(
-        self, before: TimeState, known: LoadControl, first: Stage, second: Stage, step: float
+        self, before: TimeState, known: LoadControl, first: Stage, second: Stage, apart: float
     ) -> _FrozenStep | None:
         workspace, problem = self.stages.workspace, first.problem
         system = workspace.condensed(problem, many=True)
@@ -432,40 +501,59 @@ class ControlledStepper(TimeStepper):
             secant[index] = name in before.memory
         secant[:, 1:] &= self.discrete.follows_slip[:, None]
         start = _Pair(before.local.displacement - first.origin, before.multiplier, known.factor)
-        rate, held = (other.load - system.load) / step, (other.fixed - system.fixed) / step
+        rate, held = (other.load - system.load) / apart, (other.fixed - system.fixed) / apart
         return _FrozenStep(equation, start, rate, held, secant)
 
-    def _straight(self, goal: float, spent: float, lost: float) -> bool:
-        """Whether what memories dissipated in a step agrees with what is dissipated on a straight way there."""
+    def _straight(self, goal: float, spent: float, lost: float, given: bool) -> bool:
+        """Whether what memories dissipated in a step agrees with what is dissipated on a straight way there.
+
+        A step whose load factor was given may dissipate nothing.
+        """
         if self.control.opening is not None or not goal:
             return True
-        return _LEAST * spent - goal <= lost <= _MOST * max(spent, goal) and spent <= _MOST * lost + _NOTHING * goal
+        return lost <= _MOST * max(spent, goal) and (given or lost >= _LEAST * spent)
 
     def _pair(self, frozen: _FrozenStep, known: LoadControl, before: TimeState, step: float) -> _Pair | None:
         """The next equilibrium."""
         way = known.slid, known.pressed, known.moved
         on = frozen.ahead(way, min(step / known.step, _AHEAD) if known.step else 0.0)
         if self.control.opening is not None:
-            points = self.discrete.problem.contact.on(self.control.opening)
-            now = -float(frozen.start.r[points, 0].min())
-            border = frozen.opening(points, now + step)
-            found = frozen.solved(on, border)
-            return frozen.solved(frozen.start, border) if found is None else found
+            return self._opening(frozen, on if known.step else None, step, self.control.opening)
         goal = known.pace * step
-        by_load = abs(known.moved - known.step) <= _SAME * known.step
-        if known.spent > 0.0 and not by_load:
+        if known.spent > 0.0 and not _is_step(known.moved, known.step):
             found = self._dissipating(frozen, goal, step, way, known.spent)
             if found is not None and found.factor <= known.factor + step:
                 return found
-        load = frozen.load(known.factor + step)
+        load = frozen.load(step)
         loaded = frozen.solved(on, load) or frozen.solved(frozen.start, load)
         if loaded is None:
             return self._dissipating(frozen, goal, step) if known.pace else None
         spent = frozen.spent(loaded)
         if spent <= _MORE * goal or not known.pace:
             return loaded
-        way = loaded.r - frozen.start.r, loaded.lam - frozen.start.lam, loaded.factor - frozen.start.factor
-        return self._dissipating(frozen, goal, step, way, spent)
+        return self._dissipating(frozen, goal, step, frozen.way(loaded), spent)
+
+    def _opening(self, frozen: _FrozenStep, on: _Pair | None, step: float, boundary: str) -> _Pair | None:
+        """The equilibrium at which a boundary has opened by a step: sought from where the last step leads.
+
+        At first there is none, and a small load tells the direction.
+        """
+        points = self.discrete.problem.contact.on(boundary)
+        border = frozen.opening(points, step)
+        if on is None:
+            load = step / max(frozen.yields(self._reach), np.finfo(float).tiny) * self._reach
+            tried = (frozen.solved(frozen.start, frozen.load(part * load)) for part in _SMALL)
+            loaded = next((pair for pair in tried if pair is not None), None)
+            if loaded is None:
+                return None
+            way, grown = frozen.way(loaded), frozen.opened(points, loaded)
+            if grown <= _NOTHING * _largest(way[0]):
+                raise ProblemError(
+                    f"control = {{'opening': '{boundary}'}} needs loads that open '{boundary}' as t grows, and these "
+                    "do not; turn their sign, or name a boundary that opens"
+                )
+            on = frozen.ahead(way, step / grown)
+        return next(filter(None, (frozen.solved(guess, border) for guess in (on, *frozen.guesses))), None)
 
     def _dissipating(
         self,
@@ -482,14 +570,13 @@ class ControlledStepper(TimeStepper):
         found = None
         for _ in range(_CUTS):
             guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
-            border, guesses = frozen.dissipation(goal), [*guesses, *map(frozen.outward, _OUTWARD)]
-            pairs = (frozen.solved(guess, border) for guess in guesses)
-            found = next((pair for pair in pairs if pair is not None), None)
+            border, guesses = frozen.dissipation(goal), [*guesses, *frozen.guesses[1:]]
+            found = next(filter(None, (frozen.solved(guess, border) for guess in guesses)), None)
             fall = 0.0 if found is None else frozen.start.factor - found.factor
             if fall <= _FALLS * step:
-                break
+                return found
             goal *= step / fall
-        return found
+        return None
 
     def _solved_stage(self, stage: Stage, before: TimeState, pair: _Pair | None, most: float) -> SolvedStage:
         """A pair as the solution of its stage; where there is none the state before, which solves nothing.
@@ -510,3 +597,12 @@ class ControlledStepper(TimeStepper):
         )  # fmt: skip
         point = stage.local_motion(stage.local(solution))
         return SolvedStage(stage, solution, stage_state(self.discrete, stage, unknowns), point, lam)
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _is_step(moved: float, step: float) -> bool:
+    """Whether a load factor moved by a whole step."""
+    return abs(moved - step) <= _SAME * step

@@ -80,6 +80,8 @@ class Frame(PickleMixin):
         damage, -1 before it. The damage is :attr:`History.damage`.
     temperature : array (nodes,) or None
         Of a body with heat.
+    load_factor : float
+        The time whose loads, supports and gaps act: the time itself, where that is no answer.
     """
 
     time: float
@@ -91,6 +93,7 @@ class Frame(PickleMixin):
     force_time: float
     memory: Mapping[str, Array] = field(default_factory=dict)
     temperature: Array | None = None
+    load_factor: float = math.nan
 
     __repr__ = brief
 
@@ -266,6 +269,7 @@ class History(PickleMixin, ReprMixin):
             (1.0 - part) * first.force_time + part * second.force_time,
             {name: between(value, second.memory[name]) for name, value in first.memory.items()},
             None if first.temperature is None else between(first.temperature, second.temperature),  # type: ignore[arg-type]
+            (1.0 - part) * first.load_factor + part * second.load_factor,
         )
 
     def write(self, path: str | Path) -> tuple[Path, ...]:

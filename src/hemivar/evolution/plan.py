@@ -199,7 +199,7 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
         _refuse_nonlinear(plan)
     plan.stepping(span).first(span)
     if isinstance(plan.control, Control):
-        refuse_control(stated, plan.control, scheme, plan.stepping(span))
+        refuse_control(stated, plan.control, scheme, plan.stepping(span), SelectionRule(plan.jump))
     if SelectionRule(plan.jump).follows:
         _refuse_path(stated, plan)
 

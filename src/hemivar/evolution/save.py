@@ -191,6 +191,7 @@ def frame_of(discrete: DiscreteEvolution, state: TimeState) -> Frame:
         None
         if discrete.heat is None or state.heat is None
         else discrete.heat.temperature(state.heat.moment.body.displacement),
+        state.time if state.control is None else state.control.factor,
     )
 
 

@@ -141,6 +141,8 @@ class LoadControl(PickleMixin):
     pace: float
     #: Largest distance of the load factor from the start so far.
     largest: float
+    #: The most that glue carried so far.
+    carried: float
     #: In the last step: its length, change of the load factor, what was dissipated, and changes of slip and multiplier.
     step: float
     moved: float

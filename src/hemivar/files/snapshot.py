@@ -68,7 +68,7 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     """A frame with the problem that it belongs to."""
     problem = discrete.problem
     if discrete.evolution.problem.time_dependent & {"gap", "supports"}:
-        offset = discrete.data_at(frame.time).offset
+        offset = discrete.data_at(frame.load_factor).offset
         problem = problem.with_(offset=offset)
     states, damage = moving_states(discrete, frame), damage_of(discrete, frame)
     debonding = {} if np.isnan(damage).all() else {"damage": damage}
