@@ -126,36 +126,41 @@ def _of_unknowns(problem: DiscreteProblem, whole: sp.csr_array) -> sp.csr_array:
     return sp.csr_array(0.5 * (own + own.T))
 
 
-def works_of_stress(problem: ContactProblem, displacement: Array) -> tuple[float, float]:
-    """``u'K_s u`` of a displacement (nodes, d), K_s that of its own stress, and ``u'K u``; no matrix is formed."""
+def works_of_stress(problem: ContactProblem, displacement: Array, *, turned: bool = False) -> tuple[float, float]:
+    """``u'K_s u`` of a displacement (nodes, d), K_s that of its own stress, and ``u'K u``; no matrix is formed.
+
+    ``turned`` takes the rotation alone in the first of them.
+    """
     energy, works = _stored(problem), np.zeros(2)
     for part in portions(problem.mesh, problem.order):
-        works += sum(_works_at_points(energy, displacement, part))
+        works += sum(_works_at_points(energy, displacement, part, turned))
     return float(works[0]), float(works[1])
 
 
-def _works_at_points(energy: NodalEnergy, displacement: Array, cells: slice) -> Iterator[Array]:
+def _works_at_points(energy: NodalEnergy, displacement: Array, cells: slice, turned: bool) -> Iterator[Array]:
     """Both works at each point of the rule in turn, of some cells together."""
     strain, shapes = energy.strains(displacement, cells)
     stress, weights = _stress(energy, strain, cells)
     values, volumes = displacement[energy.mesh.cell_nodes(energy.order)[cells]], energy.mesh.volumes[cells]
     for q, (weight, shape) in enumerate(zip(weights, shapes, strict=True)):
         slope = np.einsum("lkm,mlc->mck", shape, values)
-        pulled = slope @ stress[:, q]
-        along = np.einsum("mck,mck->m", pulled, slope), np.einsum("mkk->m", pulled)
+        moved = 0.5 * (slope - slope.transpose(0, 2, 1)) if turned else slope
+        along = np.einsum("mck,mkl,mcl->m", moved, stress[:, q], moved), np.einsum("mck,mck->m", slope, stress[:, q])
         yield weight * np.array([volumes @ work for work in along])
 
 
 def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
     """``|u'K_s u| / u'K u`` of a displacement (nodes, d): how much the stress of the load matters that K leaves out.
 
-    Zero where it is counted already, where a bedding or nothing resists, and where it is not known: of one component
-    and of bodies of revolution.
+    In ``u'K_s u`` u is the rotation: what its strain adds is beyond stress stiffening. Zero where it is counted already,
+    where nothing resists, and of bodies that it is not for: in time, not linear, of revolution, of one component.
     """
     stated = problem.origin
-    if stated is None or stated.kind or stated.material.axisymmetric or stated.stiffening:
+    if stated is None or stated.kind or stated.stiffening or problem.model.parts is not None:
         return 0.0
-    geometric, stored = problem.vectors.total(*works_of_stress(stated, displacement)).tolist()
+    if stated.material.axisymmetric or not stated.material.linear:
+        return 0.0
+    geometric, stored = problem.vectors.total(*works_of_stress(stated, displacement, turned=True)).tolist()
     return abs(geometric) / stored if stored > 0.0 and np.isfinite(geometric) else 0.0
 
 

@@ -33,8 +33,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["Ordinary", "StressedClimb", "Tally", "stiffening"]
 
-#: Most stresses that are tried one after the other.
-_OUTER = 40
+#: Most stresses that are tried one after the other, and how many of them without a smaller residual.
+_OUTER, _PATIENCE = 40, 10
 #: Part of the load whose answer, made larger, has the first stress where a law softens: nothing has softened there.
 _LITTLE = 1e-3
 #: Pairs that accelerate, and part of the largest below which directions of them are the same.
@@ -134,7 +134,7 @@ class Tally:
         return replace(
             self.controls,
             max_time=max(self.controls.max_time - self.budget.spent, 0.0),
-            max_steps=None if most is None else most - self.steps,
+            max_steps=None if most is None else max(most - self.steps, 1),
         )
 
     def with_(self, found: Solution) -> None:
@@ -174,7 +174,8 @@ def stiffening(
     Raises
     ------
     Buckled
-        With the stress of the largest load that was solved, made larger, the stiffness is not definite below the load.
+        Where no more is carried, the stress of the largest load that was solved makes the stiffness lose its
+        definiteness.
     ProblemError
         No part of the load has a solution that was found.
     """
@@ -200,7 +201,7 @@ def _iterated(
     """
     plain, mixing, controls = ordinary.plain(problem), _Mixing(), tally.controls
     place = place if place is not None else (yield from _first_place(plain, ordinary, tally))
-    posed, found, sound = plain if place is None else _stressed(plain, place), None, None
+    posed, found, sound, worse = plain if place is None else _stressed(plain, place), None, None, 0
     for _ in range(_OUTER):
         answer = None if posed is None else (yield from _answer(posed, ordinary, tally, place))
         if answer is None:  # such a place is a guess: one nearer to the last that had an answer is taken
@@ -214,22 +215,22 @@ def _iterated(
             left = residual(own, answer.unknowns, answer.multiplier)
             best = found is None or left.relative < found.residual.relative
             solved = left.below(controls.atol, controls.rtol)
-            stands = not solved or ordinary.definite(answer, plain) or _falls(plain, answer, 1.0) is None
-            status = answer.status if not solved else Status.CONVERGED if stands else Status.NOT_CARRIED
+            stands = not solved or ordinary.definite(answer, plain) or _falls(plain, answer) is None
+            status = Status.MAX_STEPS if answer.status is Status.CONVERGED else answer.status
+            status = status if not solved else Status.CONVERGED if stands else Status.NOT_CARRIED
             reached = tally.of_all(replace(answer, problem=problem, residual=left, status=status))
             if solved or answer.status in STOPPED or tally.used_up:
                 return reached
             still = found is not None and left.relative > 0.5 * found.residual.relative
             if still and _near(reached):
                 return reached
-            found = reached if best else found
+            found, worse = (reached, 0) if best else (found, worse + 1)
+            if worse > _PATIENCE:
+                break
         sound, first = place, place is None
         place = answer.unknowns if first or place is None else mixing.after(place, answer.unknowns)
         posed = own if first else _stressed(plain, place)
-    if found is None:
-        return None
-    status = Status.MAX_STEPS if found.status is Status.CONVERGED else found.status
-    return tally.of_all(replace(found, status=status))
+    return None if found is None else tally.of_all(found)
 
 
 def _answer(
@@ -254,7 +255,8 @@ def _climbed(problem: DiscreteProblem, found: Solution | None, ordinary: Ordinar
     if last is not None and reached.low == 1.0:
         return tally.of_all(last)
     if last is not None and reached.low > 0.0 and reached.status not in STOPPED and not tally.used_up:
-        buckles = _falls(ordinary.plain(last.problem), last, reached.low)
+        times = (1.0 + climb.method.width) * reached.failed / reached.low
+        buckles = _falls(ordinary.plain(last.problem), last, times, reached.low)
         if buckles is not None:
             raise buckles
     ended = found if found is not None else last
@@ -264,7 +266,7 @@ def _climbed(problem: DiscreteProblem, found: Solution | None, ordinary: Ordinar
             "body at more places"
         )
     lost = Status.MAX_STEPS if problem.limit is None else Status.NOT_CARRIED
-    status = reached.status if reached.status in STOPPED else lost
+    status = reached.status if reached.status in STOPPED and not tally.used_up else lost
     return tally.of_all(replace(ended, problem=problem, status=status, carried=(reached.low, reached.failed)))
 
 
@@ -330,8 +332,7 @@ def _first_place(
     try:
         rest: Array | float = 0.0
         if problem.offset.any() or line.unloaded is not None:
-            closed = yield from ordinary(line.at(0.0), tally.left, None)
-            rest = closed.unknowns
+            rest = (yield from ordinary(line.at(0.0), tally.left, None)).unknowns
         little = yield from ordinary(line.at(_LITTLE), tally.left, None)
     except ProblemError:
         return None
@@ -345,19 +346,22 @@ def _stressed(problem: DiscreteProblem, place: Array) -> DiscreteProblem | None:
         return None
 
 
-def _falls(plain: DiscreteProblem, found: Solution, part: float) -> Buckled | None:
-    """The refusal where the stress of a solution at a part of the load, made larger, buckles the body below the load.
+def _falls(plain: DiscreteProblem, found: Solution, times: float = 1.0, part: float = 1.0) -> Buckled | None:
+    """The refusal where the stress of a solution at a part of the load, so many times larger, buckles the body.
 
     There stiffness, stress and contact together are not definite, though without stress they are.
     """
     contact = _contact_stiffness(plain, found.unknowns, found.multiplier)
-    own, falls = sp.csr_array(plain.stiffness + contact), -geometric_stiffness(plain, found.unknowns) / part
-    whole = sp.csr_array(own - falls)
+    own, falls = sp.csr_array(plain.stiffness + contact), -geometric_stiffness(plain, found.unknowns)
+    whole = sp.csr_array(own - times * falls)
     if not affordable(plain):
         lost = whole.diagonal().min() <= 0.0 or lowest_quotient(whole) < 0.0
         return _buckles(None) if lost and lowest_quotient(own) >= 0.0 else None
     lost = whole.diagonal().min() <= 0.0 or indefinite(whole) is not None
-    return _buckles(_factor(own, falls)) if lost and indefinite(own) is None else None
+    if not lost or indefinite(own) is not None:
+        return None
+    factor = _factor(own, falls)
+    return _buckles(None if factor is None else factor * part)
 
 
 def _contact_blocks(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> Array:
