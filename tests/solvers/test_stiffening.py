@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.errors import ProblemError
 from hemivar.discrete.residual import residual
+from hemivar.errors import ProblemError
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.stress_stiffness import stressed_problem
 from hemivar.files.stored_solution import StoredSolution
@@ -250,6 +250,7 @@ def test_what_does_not_settle_is_no_solution_and_said_not_to_buckle() -> None:
     assert solution.status is hv.Status.MAX_STEPS
     assert solution.residual.relative == pytest.approx(left, rel=0.01)
     assert not solution.certify().stationary
+    assert solution.carried is not None
     assert 0.5 < solution.carried[0] < solution.carried[1] < 1.0
     assert "the stress of the load and the answer do not settle" in solution.remedy
     assert "Controls.max_steps" not in solution.remedy

@@ -152,8 +152,9 @@ def _works_at_points(energy: NodalEnergy, displacement: Array, cells: slice, tur
 def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
     """``|u'K_s u| / u'K u`` of a displacement (nodes, d): how much the stress of the load matters that K leaves out.
 
-    In ``u'K_s u`` u is the rotation: what its strain adds is beyond stress stiffening. Zero where it is counted already,
-    where nothing resists, and of bodies that it is not for: in time, not linear, of revolution, of one component.
+    In ``u'K_s u`` u is the rotation: what its strain adds is beyond stress stiffening. Zero where it is counted
+    already, where nothing resists, and of bodies that it is not for: in time, not linear, of revolution, of one
+    component.
     """
     stated = problem.origin
     if stated is None or stated.kind or stated.stiffening or problem.model.parts is not None:

@@ -34,7 +34,7 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["Ordinary", "StressedClimb", "Tally", "stiffening"]
 
 #: Most stresses that are tried one after the other, and how many of them without a smaller residual.
-_OUTER, _PATIENCE = 40, 10
+_OUTER, _PATIENCE = 40, 20
 #: Part of the load whose answer, made larger, has the first stress where a law softens: nothing has softened there.
 _LITTLE = 1e-3
 #: Pairs that accelerate, and part of the largest below which directions of them are the same.
@@ -175,7 +175,7 @@ def stiffening(
     ------
     Buckled
         Where no more is carried, the stress of the largest load that was solved makes the stiffness lose its
-        definiteness.
+        definiteness, and strain and rotation are small until then.
     ProblemError
         No part of the load has a solution that was found.
     """
@@ -199,38 +199,46 @@ def _iterated(
 
     None where no answer was found. What buckles at its own stress is NOT_CARRIED.
     """
-    plain, mixing, controls = ordinary.plain(problem), _Mixing(), tally.controls
+    plain, mixing = ordinary.plain(problem), _Mixing()
     place = place if place is not None else (yield from _first_place(plain, ordinary, tally))
     posed, found, sound, worse = plain if place is None else _stressed(plain, place), None, None, 0
     for _ in range(_OUTER):
         answer = None if posed is None else (yield from _answer(posed, ordinary, tally, place))
+        own = None if answer is None else _stressed(plain, answer.unknowns)
+        if answer is not None and own is not None:
+            now = tally.of_all(_judged(replace(answer, problem=own), answer, plain, ordinary, tally.controls))
+            now = replace(now, problem=problem)
+            if now.residual.below(tally.controls.atol, tally.controls.rtol) or now.status in STOPPED or tally.used_up:
+                return now
+            gained = 0.0 if found is None else now.residual.relative / found.residual.relative
+            if gained > 0.5 and _near(now):
+                return now
+            found, worse = (now, 0) if gained < 1.0 else (found, worse + 1)
+        elif answer is None:
+            worse += 1
+        if worse > _PATIENCE or (answer is None and (place is None or sound is None)):
+            break
         if answer is None:  # such a place is a guess: one nearer to the last that had an answer is taken
-            if place is None or sound is None or np.array_equal(place, sound):
-                break
-            place, mixing = 0.5 * (place + sound) if mixing.pairs else sound, _Mixing()
-            posed = _stressed(plain, place)
-            continue
-        own = _stressed(plain, answer.unknowns)
-        if own is not None:
-            left = residual(own, answer.unknowns, answer.multiplier)
-            best = found is None or left.relative < found.residual.relative
-            solved = left.below(controls.atol, controls.rtol)
-            stands = not solved or ordinary.definite(answer, plain) or _falls(plain, answer) is None
-            status = Status.MAX_STEPS if answer.status is Status.CONVERGED else answer.status
-            status = status if not solved else Status.CONVERGED if stands else Status.NOT_CARRIED
-            reached = tally.of_all(replace(answer, problem=problem, residual=left, status=status))
-            if solved or answer.status in STOPPED or tally.used_up:
-                return reached
-            still = found is not None and left.relative > 0.5 * found.residual.relative
-            if still and _near(reached):
-                return reached
-            found, worse = (reached, 0) if best else (found, worse + 1)
-            if worse > _PATIENCE:
-                break
-        sound, first = place, place is None
-        place = answer.unknowns if first or place is None else mixing.after(place, answer.unknowns)
-        posed = own if first else _stressed(plain, place)
+            assert place is not None
+            place, mixing = 0.5 * (place + sound), _Mixing()
+        else:
+            sound = place
+            place = answer.unknowns if place is None else mixing.after(place, answer.unknowns)
+        posed = own if sound is None else _stressed(plain, place)
     return None if found is None else tally.of_all(found)
+
+
+def _judged(
+    own: Solution, answer: Solution, plain: DiscreteProblem, ordinary: Ordinary, controls: Controls
+) -> Solution:
+    """An answer with the residual under its own stress, and the status that this allows."""
+    left = residual(own.problem, own.unknowns, own.multiplier)
+    if not left.below(controls.atol, controls.rtol):
+        status = Status.MAX_STEPS if own.status is Status.CONVERGED else own.status
+    else:
+        stands = ordinary.definite(answer, plain) or _falls(plain, answer) is None
+        status = Status.CONVERGED if stands else Status.NOT_CARRIED
+    return replace(own, residual=left, status=status)
 
 
 def _answer(
@@ -244,7 +252,7 @@ def _answer(
             raise
         return None
     tally.with_(found)
-    return found
+    return found if np.isfinite(found.unknowns).all() else None
 
 
 def _climbed(problem: DiscreteProblem, found: Solution | None, ordinary: Ordinary, tally: Tally) -> Solution:
@@ -254,20 +262,21 @@ def _climbed(problem: DiscreteProblem, found: Solution | None, ordinary: Ordinar
     last = climb.solved(reached.at)
     if last is not None and reached.low == 1.0:
         return tally.of_all(last)
-    if last is not None and reached.low > 0.0 and reached.status not in STOPPED and not tally.used_up:
+    ended = reached.status in STOPPED or tally.used_up or last is None or reached.low == 0.0
+    if last is not None and not ended and not (last.deformation is not None and last.deformation.large):
         times = (1.0 + climb.method.width) * reached.failed / reached.low
         buckles = _falls(ordinary.plain(last.problem), last, times, reached.low)
         if buckles is not None:
             raise buckles
-    ended = found if found is not None else last
-    if ended is None:
+    best = found if found is not None else last
+    if best is None:
         raise ProblemError(
             "no equilibrium with the stress of the load was found, at any part of it: take a smaller load, or hold the "
             "body at more places"
         )
     lost = Status.MAX_STEPS if problem.limit is None else Status.NOT_CARRIED
     status = reached.status if reached.status in STOPPED and not tally.used_up else lost
-    return tally.of_all(replace(ended, problem=problem, status=status, carried=(reached.low, reached.failed)))
+    return tally.of_all(replace(best, problem=problem, status=status, carried=(reached.low, reached.failed)))
 
 
 @dataclass(frozen=True, eq=False)
