@@ -112,15 +112,13 @@ class Ordinary:
         return float(np.linalg.norm(descent.residual)) <= enough
 
 
-@dataclass
 class Tally:
     """What all solves of one call take together, of what they may take."""
 
-    controls: Controls
-    budget: Budget
-    steps: int = 0
-    evaluations: int = 0
-    seconds: Counter[str] = field(default_factory=Counter)
+    def __init__(self, controls: Controls, budget: Budget) -> None:
+        self.controls, self.budget = controls, budget
+        self.steps = self.evaluations = 0
+        self.seconds: Counter[str] = Counter()
 
     @property
     def used_up(self) -> bool:
@@ -147,11 +145,11 @@ class Tally:
         return replace(found, steps=self.steps, evaluations=self.evaluations, timings=dict(self.seconds))
 
 
-@dataclass
 class _Mixing:
     """Anderson's acceleration of ``x = g(x)``, by the last few pairs."""
 
-    pairs: deque[tuple[Array, Array]] = field(default_factory=lambda: deque(maxlen=_DEPTH))
+    def __init__(self) -> None:
+        self.pairs: deque[tuple[Array, Array]] = deque(maxlen=_DEPTH)
 
     def after(self, place: Array, answer: Array) -> Array:
         """The next place (n,), after one whose answer (n,) is known."""
@@ -220,6 +218,7 @@ def _iterated(
             break
         if answer is None:  # such a place is a guess: one nearer to the last that had an answer is taken
             assert place is not None
+            assert sound is not None
             place, mixing = 0.5 * (place + sound), _Mixing()
         else:
             sound = place
@@ -233,8 +232,9 @@ def _judged(
 ) -> Solution:
     """An answer with the residual under its own stress, and the status that this allows."""
     left = residual(own.problem, own.unknowns, own.multiplier)
+    status: Status = Status.MAX_STEPS
     if not left.below(controls.atol, controls.rtol):
-        status = Status.MAX_STEPS if own.status is Status.CONVERGED else own.status
+        status = own.status if own.status is not Status.CONVERGED else status
     else:
         stands = ordinary.definite(answer, plain) or _falls(plain, answer) is None
         status = Status.CONVERGED if stands else Status.NOT_CARRIED
