@@ -27,6 +27,7 @@ _HANDED_ON = {
     "ReprMixin.show": "report.notebook.show",
     "ReprMixin.to_dataframe": "report.notebook.frame_of",
     "DiscreteProblem.of_forms": "fem.forms.of_forms",
+    "residual.residual": "fem.stress_stiffness.under_own_stress",
     "Solution.summary": "report.summary.summary_of",
     "Fit.plot": "identification.identification_figure.plot_fit",
     "Fit.summary": "identification.identification_figure.fit_summary",

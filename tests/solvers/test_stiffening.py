@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.discrete.residual import residual
 from hemivar.errors import ProblemError
+from hemivar.fem.reactions import support_reactions
 from hemivar.fem.stress_stiffness import stressed_problem
+from hemivar.files.stored_solution import StoredSolution
 from hemivar.solvers.solve import solving
 from hemivar.solvers.stiffening import Ordinary
 from hemivar.systems.workspace import Workspace
@@ -67,7 +70,7 @@ def test_a_column_above_its_load_is_refused_with_the_factor_at_which_it_buckles(
 @pytest.mark.parametrize("method", ["newton", "multigrid"])
 def test_a_straight_column_above_its_load_is_no_answer(method: str) -> None:
     """It is in balance, but not definite."""
-    mesh = hv.rectangle((LENGTH, THICK), (40, 4), pattern="cross").marked({"side": f"y < 1e-9 and x > {LENGTH - 1.01}"})
+    mesh = hv.rectangle((LENGTH, THICK), (20, 2), pattern="cross").marked({"side": f"y < 1e-9 and x > {LENGTH - 1.01}"})
     free = {"side": hv.Contact(hv.laws.NoContact())}
     straight = replace(column(3.0 * EULER, 0.0), mesh=mesh, contact=free, order=1)
     with pytest.raises(ProblemError, match="the body buckles under its load"):
@@ -102,8 +105,10 @@ def test_a_prop_that_presses_holds_a_column() -> None:
     certificate = solution.certify()
     assert (certificate.unique, str(certificate.kind)) == (None, "local minimiser")
     assert "rigid motions" not in str(certificate)
+    assert "supports alone do not constrain" not in str(certificate)
+    assert (certificate.smallness.survey_condition, certificate.smallness.survey_margin) == (None, None)
     with pytest.raises(ProblemError, match="buckles"):
-        hv.solve(column(2.0 * EULER, -1e-3))
+        hv.solve(column(2.0 * EULER, -1e-6))
 
 
 def test_the_residual_is_that_with_the_stress_of_the_answer() -> None:
@@ -175,3 +180,106 @@ def test_what_is_not_available_says_so(function: object) -> None:
     problem = replace(column(0.5 * BUCKLES), order=1, contact={"bottom": hv.Contact(hv.Signorini())})
     with pytest.raises(ProblemError, match="not available with stress stiffening"):
         function(problem)  # type: ignore[operator]
+
+
+def leaning(part: float, slope: float, **changed: object) -> hv.ContactProblem:
+    """A column on a coarse mesh under a part of Euler's load that comes in at a slope."""
+    return column(part * EULER, slope * part * EULER, (8, 1), **changed)
+
+
+def test_another_load_has_its_own_stress() -> None:
+    """The problem of a solution is the one that was stated: another load, a bracket and a path are those of it."""
+    solution = hv.solve(leaning(0.5, 0.03))
+    known = solution.problem
+    again = hv.solve(known.with_(load=1.6 * known.load)).raise_for_status()
+    assert again.displacement == pytest.approx(hv.solve(leaning(0.8, 0.03)).displacement, rel=1e-6, abs=1e-9)
+    assert again.displacement[:, 1].max() > 2.0 * 1.6 * solution.displacement[:, 1].max()
+    steep = hv.solve(leaning(0.5, 1e-6)).problem
+    assert hv.branches.load_bracket(steep, upto=4.0).carried == pytest.approx(2.0, rel=0.02)
+    for function in (hv.find_solutions, hv.follow_path):
+        with pytest.raises(ProblemError, match="not available with stress stiffening"):
+            function(known)
+
+
+def test_what_is_kept_of_a_solution_has_its_stress() -> None:
+    """Reactions, energy and residual of a discrete problem and a displacement alone."""
+    problem = leaning(0.6, 0.03)
+    solution, discrete = hv.solve(problem), hv.discretize(problem)
+    kept = StoredSolution.of_line(StoredSolution.of(0, solution).line()).solution(discrete)
+    by_hand = [0.6 * EULER, -0.03 * 0.6 * EULER]
+    assert kept.reactions["left"] == pytest.approx(by_hand, rel=1e-6)
+    assert kept.energy == pytest.approx(solution.energy, rel=1e-12)
+    assert support_reactions(discrete, solution.displacement, solution.multiplier)["left"] == pytest.approx(by_hand)
+    assert residual(discrete, solution.unknowns, solution.multiplier).relative < 1e-8
+    plain = hv.solve(replace(problem, stiffening=False))
+    assert residual(discrete, plain.unknowns, plain.multiplier).relative > 1e-3
+
+
+def test_glue_with_interference_does_not_buckle() -> None:
+    """A block on glue whose gap is closed by more than nothing: it moves by the interference, and carries its load."""
+    glue = hv.laws.MixedMode(hv.laws.BilinearCohesion(stiffness=210.0, strength=3.0, energy=0.5))
+    problem = hv.ContactProblem(
+        hv.rectangle((4.0, 1.0), (8, 2)), hv.Material.young(100.0, 0.3), {"bottom": hv.Contact(glue, gap=-0.002)},
+        {"top": hv.Clamped()}, body_force=(0.02, 0.0), stiffening=True,
+    )  # fmt: skip
+    solution = hv.solve(problem).raise_for_status()
+    plain = hv.solve(replace(problem, stiffening=False))
+    assert solution.displacement == pytest.approx(plain.displacement, abs=0.01 * np.abs(plain.displacement).max())
+    assert hv.branches.load_bracket(problem, upto=2.0).carried == 2.0
+
+
+@pytest.mark.parametrize("part", [0.95, slow(1.02), slow(1.1)])
+@pytest.mark.parametrize("slope", [1.0 / 30.0, 1.0 / 300.0])
+def test_a_column_that_bends_far_is_in_balance_beyond_the_load_of_a_straight_one(part: float, slope: float) -> None:
+    """``(K + K_s(u)) u = f``, the matrix being definite: its bending relieves its end."""
+    problem = leaning(part, slope)
+    solution = hv.solve(problem).raise_for_status()
+    plain = hv.discretize(problem)
+    own = stressed_problem(plain, solution.unknowns).stiffness
+    assert np.linalg.norm(own @ solution.unknowns - plain.load) <= 1e-8 * np.linalg.norm(plain.load)
+    assert np.linalg.eigvalsh(own.toarray())[0] > 0.0
+
+
+@pytest.mark.slow
+def test_what_does_not_settle_is_no_solution_and_said_not_to_buckle() -> None:
+    """Beyond the load up to which equilibria are found nothing is claimed: not that it buckles, nor a solution."""
+    problem = leaning(2.0, 1.0 / 30.0)
+    solution = hv.solve(problem)
+    own = stressed_problem(hv.discretize(problem), solution.unknowns).stiffness
+    left = np.linalg.norm(own @ solution.unknowns - solution.problem.load) / np.linalg.norm(solution.problem.load)
+    assert solution.status is hv.Status.MAX_STEPS
+    assert solution.residual.relative == pytest.approx(left, rel=0.01)
+    assert not solution.certify().stationary
+    assert solution.carried is not None
+    assert 0.5 < solution.carried[0] < solution.carried[1] < 1.0
+    assert "the stress of the load and the answer do not settle" in solution.remedy
+    assert "Controls.max_steps" not in solution.remedy
+
+
+@pytest.mark.parametrize("method", ["multigrid", "newton"])
+def test_a_tolerance_that_one_solve_misses_is_met_by_the_next(method: str) -> None:
+    """A thin beam under tension, which multigrid of the body without its stress solves less sharply."""
+    problem = hv.ContactProblem(
+        hv.rectangle((20.0, 0.5), (10, 1)).refined(2), hv.Material.young(1000.0, 0.3),
+        {"bottom": hv.Contact(hv.Signorini(), gap=50.0)}, {"left": hv.Clamped()},
+        tractions={"right": (10.0, 2.0)}, stiffening=True,
+    )  # fmt: skip
+    solution = hv.solve(problem, method=method).raise_for_status()
+    assert residual(hv.discretize(problem), solution.unknowns, solution.multiplier).relative < 1e-8
+
+
+def test_the_limit_of_steps_is_one_for_all_solves() -> None:
+    """A cantilever on a foundation with Coulomb's friction."""
+    problem = hv.ContactProblem(
+        hv.rectangle((8.0, 1.0), (16, 2)), hv.Material.young(1000.0, 0.3),
+        {"bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3), gap=0.01)}, {"left": hv.Clamped()},
+        tractions={"right": (-1.0, 0.1), "top": (0.0, -0.5)}, stiffening=True,
+    )  # fmt: skip
+    free = hv.solve(problem).raise_for_status()
+    assert free.steps > 4
+    short = hv.solve(problem, max_steps=4)
+    assert short.steps <= 4
+    assert short.status is hv.Status.MAX_STEPS
+    left = residual(hv.discretize(problem), short.unknowns, short.multiplier).relative
+    assert 1e-8 < left == pytest.approx(short.residual.relative)
+    assert not short.certify().stationary

@@ -61,6 +61,21 @@ def test_the_picture_comes_before_the_certificate_and_the_shape_once() -> None:
     assert kinds(answers(bench, "solve", text, shape=key)) == ["problem", "picture", "certificate", "done"]
 
 
+@pytest.mark.parametrize("first", ["true", "false"])
+def test_stiffening_that_is_switched_is_counted_or_left_out(first: str) -> None:
+    """The body that is kept is not the same one, though its stiffness is."""
+    text = (
+        "[mesh]\nrectangle = [20.0, 1.0]\ncells = [4, 1]\n[material]\nyoung = 1000.0\npoisson = 0.0\n[supports]\n"
+        'left = "clamped"\n[contact.bottom]\nnormal = { law = "none" }\n[loads]\n'
+        "traction = { right = [0.2, 2e-2] }\nstiffening = {}\n"
+    )
+    bench, second = Bench(Path()), {"true": "false", "false": "true"}[first]
+    for flag in (first, second):
+        stated = text.replace("stiffening = {}", f"stiffening = {flag}")
+        energy = one(answers(bench, "solve", stated), "picture").head["energy"]
+        assert energy == pytest.approx(hv.solve(parse_problem(stated)).energy, rel=1e-9)
+
+
 def test_sliders_stand_where_a_browser_counts_them() -> None:
     """A browser counts units of UTF-16, of which an emoji takes two."""
     text = template("survey").replace("survey, data", "🙂 survey 🙂 é")

@@ -28,7 +28,7 @@ from hemivar.solvers.choice import affordable
 from hemivar.solvers.load_stepping import Reached, SystemClimb
 from hemivar.solvers.solve import default_method, solving
 from hemivar.solvers.status import STOPPED
-from hemivar.solvers.stiffening import Ordinary, StressedClimb
+from hemivar.solvers.stiffening import Ordinary, StressedClimb, Tally
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]
@@ -271,9 +271,11 @@ def _stressed(
     line: LoadLine, upto: float, kept: Workspace, budget: Budget, options: BracketOptions, tried: int
 ) -> Generator[Reached, bool | None, LoadBracket]:
     """The same of a body that the stress of its load stiffens."""
-    climb = StressedClimb(LoadStepping(), line, budget, upto, ordinary=Ordinary(solving, None, kept))
+    method, limits = LoadStepping(), Controls(max_time=budget.left)
+    ordinary, tally = Ordinary(solving, None, kept), Tally(replace(limits, rtol=method.rtol), budget)
+    climb = StressedClimb(method, line, budget, upto, ordinary=ordinary, tally=tally)
     reached = yield from climb.up(climb.at_rest)
-    solution = reached.at.memory[1] if reached.at.memory else solve(line.at(reached.low), workspace=kept)
+    solution = climb.solved(reached.at) or solve(line.at(reached.low), workspace=kept)
     return LoadBracket(
         reached.carried, reached.not_carried, solution, options.upto, reached.status, tried + reached.tried
     )

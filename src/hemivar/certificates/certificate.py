@@ -35,7 +35,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import inaccurate_law, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.small_strain import Deformation, deformation_of
-from hemivar.fem.stress_stiffness import stiffens, stressed_problem
+from hemivar.fem.stress_stiffness import under_own_stress
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.systems.workspace import Workspace
@@ -142,8 +142,7 @@ def certify(
     u = _unknowns(problem, given)
     if not 0.0 <= tolerance <= 0.1:
         raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
-    if stiffens(problem):
-        problem = stressed_problem(problem, u)
+    problem = under_own_stress(problem, u)
     budget = Budget(max_time)
     kept = Workspace.given(workspace)
     energy = energy_norm(problem, kept) if factor is None else factor
@@ -280,7 +279,8 @@ def certified(
     if constants.stiffness_by == STRESSED:
         bound = np.inf
     if unique is True and constants.stiffness_by == STRESSED:
-        kind, unique = PointKind.LOCAL_MINIMISER, "the only one with this stress"
+        unique = "the only one with this stress"
+        kind = PointKind.LOCAL_MINIMISER if kind.has_energy else PointKind.BOUND_FIXED_MINIMISER
     if kept is not None:
         asked = constants
         constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept, exact), constants)

@@ -16,7 +16,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.defined_above import defined_above
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, anywhere, equilibrium_multiplier, error_bound, friction_bound
-from hemivar.certificates.linear_bodies import UNKNOWN, largest_strain, lower_bound_by, strain_reach
+from hemivar.certificates.linear_bodies import STRESSED, UNKNOWN, largest_strain, lower_bound_by, strain_reach
 from hemivar.certificates.norms import EnergyNorm, energy_norm, factorises
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
@@ -239,7 +239,7 @@ def with_survey(
     ``in_space`` tells whether to look for the c_gamma of the continuous problem in space, too.
     """
     known = problem.origin is not None and isinstance(problem.bulk, Quadratic | Potential)
-    if problem.origin is None or not known or not problem.contact_points:
+    if problem.origin is None or not known or not problem.contact_points or constants.stiffness_by == STRESSED:
         return constants
     m_a, stated = ellipticity(problem.origin), problem.origin
     material = stated.material

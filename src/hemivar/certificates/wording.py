@@ -350,7 +350,9 @@ def _without_margin(constants: Smallness) -> str:
         return "strains may lie outside of the reach of the material"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
-    if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled and constants.stiffness_by != STRESSED:
+    if constants.stiffness_by == STRESSED:
+        return "with the stress of its load the stiffness of the body alone is not definite"
+    if constants.m_alpha + constants.m_L == 0.0 and not constants.sampled:
         return (
             "the supports alone do not constrain the body; because its laws are convex, solutions differ by rigid "
             "motions only"

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import norm, real_array
+from hemivar.basics.defined_above import above
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Sized
 from hemivar.discrete.contact_energy import law_forces
@@ -183,7 +184,8 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
         Unknowns u.
     multiplier : array (m, d)
         Force per area of the body on the foundation at the contact points: pressure (column 0), and minus the friction.
-        A friction bound that depends on the state is taken at this very displacement and pressure.
+        A friction bound that depends on the state is taken at this very displacement and pressure, and so is the
+        stress that stiffens the body.
 
     Returns
     -------
@@ -199,6 +201,8 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
     multiplier = real_array(multiplier, "the multiplier", finite=False)
     if displacement.shape != (problem.unknowns,):
         raise ProblemError(f"the displacement has shape {displacement.shape}; the unknowns have {(problem.unknowns,)}")
+    if problem.origin is not None and problem.origin.stiffening:
+        problem = above("residual.residual")(problem, displacement)
     compliance = contact_compliance(problem)
     return residuals(problem, displacement, [multiplier], compliance, load_scale(problem, compliance))[0]
 

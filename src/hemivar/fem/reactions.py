@@ -17,7 +17,7 @@ from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses, per_volume
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import hoop_matrices
-from hemivar.fem.stress_stiffness import Stressed
+from hemivar.fem.stress_stiffness import nodal_stiffness
 from hemivar.fem.supports import stated_supports, sum_by
 from hemivar.mechanics.statement import ContactProblem
 
@@ -67,25 +67,20 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     if isinstance(problem.bulk, Potential):
         moved, size = problem.bulk.initial_forces, norm(problem.bulk.initial_sizes)
     else:
-        forces = (internal_forces(stated, supports.value, cells) + _of_stress(problem, supports.value)).ravel()
+        forces = internal_forces(stated, supports.value, cells).ravel()
         moved, size = field.basis.T @ forces, norm(forces)
     if norm(field.basis.T @ load.ravel() - moved - problem.load) > _SAME_LOAD * max(norm(load.ravel()), size):
         raise ProblemError(
             "reactions are known under the stated load only, and this problem has another one; state that load"
         )
     force = internal_forces(stated, displacement, cells) - load - nodal_contact_forces(problem, multiplier)
-    force += _of_stress(problem, displacement)
+    if stated.stiffening:
+        force += nodal_stiffness(stated, displacement) @ displacement
     amounts = np.einsum("kqd,kd->kq", supports.directions, force)
     return {
         name: np.einsum("kq,kqd->d", np.where(supports.owner == number, amounts, 0.0), supports.directions)
         for number, name in ((supports.names.index(name), name) for name in stated.supports)
     }
-
-
-def _of_stress(problem: DiscreteProblem, displacement: Array) -> Array | float:
-    """Forces (nodes, c) of the stress that stiffens a body; zero without one."""
-    parts = problem.model.parts
-    return np.asarray(parts.nodal @ displacement) if isinstance(parts, Stressed) else 0.0
 
 
 def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:

@@ -39,8 +39,8 @@ class Deformation:
     whole : float
         Volume of the body.
     stiffening : float
-        ``|u'K_s u| / u'K u``, K_s the geometric stiffness of the stress of u itself: how much that stiffens or softens
-        the body. Zero where it is counted, or not known.
+        ``|u'K_s u| / u'K u``, K_s the geometric stiffness of the stress of u itself, with the rotation alone in the
+        first: how much that stiffens or softens the body. Zero where it is counted, or not known.
     """
 
     strain: float

@@ -24,7 +24,17 @@ from hemivar.fem.energy_integral import NodalEnergy, _not_by_points
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Stressed", "refuse_stiffening", "stiffened_by", "stiffens", "stressed_problem", "works_of_stress"]
+__all__ = [
+    "Stressed",
+    "geometric_stiffness",
+    "nodal_stiffness",
+    "refuse_stiffening",
+    "stiffened_by",
+    "stiffens",
+    "stressed_problem",
+    "under_own_stress",
+    "works_of_stress",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +43,6 @@ class Stressed(MadeOf):
 
     problem: DiscreteProblem
     unknowns: Array  # (n,): the place
-    nodal: sp.csr_array  # (nodes, nodes): K_s of one component of nodal values
 
     semidefinite: ClassVar[bool] = False
 
@@ -75,16 +84,10 @@ def stressed_problem(problem: DiscreteProblem, unknowns: Array) -> DiscreteProbl
     ProblemError
         A diagonal entry of it is not positive.
     """
-    field, stated = problem.field, problem.origin
+    field, whole = problem.field, _of_all_nodes(problem, unknowns)
     assert field is not None
-    assert stated is not None
-    energy, strains = _stored(stated), np.arange(stated.mesh.dim)[None]
-    law = _StressLaw(strains, _not_by_points, False, energy, field.full(unknowns))
-    nodal = stiffness_blocks(stated.mesh, law, energy.graph).matrix()
-    whole = sp.csr_array(sp.kron(nodal, sp.eye_array(field.components), format="csr"))
-    own = sp.csr_array(field.basis.T @ whole @ field.basis)
-    bulk = Quadratic(sp.csr_array(problem.stiffness + 0.5 * (own + own.T)), assembled=True)
-    found = problem.on_the_same(replace(problem.model, bulk=bulk, parts=Stressed(problem, unknowns, nodal)))
+    bulk = Quadratic(sp.csr_array(problem.stiffness + _of_unknowns(problem, whole)), assembled=True)
+    found = problem.on_the_same(replace(problem.model, bulk=bulk, parts=Stressed(problem, unknowns)))
     if not field.prescribed.any():
         return found
     pulled = whole @ field.prescribed
@@ -92,41 +95,78 @@ def stressed_problem(problem: DiscreteProblem, unknowns: Array) -> DiscreteProbl
     return found.under(problem.load - field.basis.T @ pulled, constant=constant)
 
 
-def works_of_stress(problem: ContactProblem, displacement: Array) -> tuple[float, float]:
-    """``u'K_s u`` of a displacement (nodes, d), K_s that of its own stress, and ``u'K u``; no matrix is formed."""
+def under_own_stress(problem: DiscreteProblem, unknowns: Array) -> DiscreteProblem:
+    """The problem with its stress at unknowns (n,), where that is to be counted; elsewhere the problem itself."""
+    return stressed_problem(problem, unknowns) if stiffens(problem) else problem
+
+
+def geometric_stiffness(problem: DiscreteProblem, unknowns: Array) -> sp.csr_array:
+    """``K_s`` (n, n) of the stress of a problem at unknowns (n,)."""
+    return _of_unknowns(problem, _of_all_nodes(problem, unknowns))
+
+
+def nodal_stiffness(problem: ContactProblem, displacement: Array) -> sp.csr_array:
+    """``K_s`` (nodes, nodes) of one component, of the stress of a displacement (nodes, d)."""
+    energy, strains = _stored(problem), np.arange(problem.mesh.dim)[None]
+    law = _StressLaw(strains, _not_by_points, False, energy, displacement)
+    return stiffness_blocks(problem.mesh, law, energy.graph).matrix()
+
+
+def _of_all_nodes(problem: DiscreteProblem, unknowns: Array) -> sp.csr_array:
+    field, stated = problem.field, problem.origin
+    assert field is not None
+    assert stated is not None
+    nodal = nodal_stiffness(stated, field.full(unknowns))
+    return sp.csr_array(sp.kron(nodal, sp.eye_array(field.components), format="csr"))
+
+
+def _of_unknowns(problem: DiscreteProblem, whole: sp.csr_array) -> sp.csr_array:
+    assert problem.field is not None
+    own = sp.csr_array(problem.field.basis.T @ whole @ problem.field.basis)
+    return sp.csr_array(0.5 * (own + own.T))
+
+
+def works_of_stress(problem: ContactProblem, displacement: Array, *, turned: bool = False) -> tuple[float, float]:
+    """``u'K_s u`` of a displacement (nodes, d), K_s that of its own stress, and ``u'K u``; no matrix is formed.
+
+    ``turned`` takes the rotation alone in the first of them.
+    """
     energy, works = _stored(problem), np.zeros(2)
     for part in portions(problem.mesh, problem.order):
-        works += sum(_works_at_points(energy, displacement, part))
+        works += sum(_works_at_points(energy, displacement, part, turned))
     return float(works[0]), float(works[1])
 
 
-def _works_at_points(energy: NodalEnergy, displacement: Array, cells: slice) -> Iterator[Array]:
+def _works_at_points(energy: NodalEnergy, displacement: Array, cells: slice, turned: bool) -> Iterator[Array]:
     """Both works at each point of the rule in turn, of some cells together."""
     strain, shapes = energy.strains(displacement, cells)
     stress, weights = _stress(energy, strain, cells)
     values, volumes = displacement[energy.mesh.cell_nodes(energy.order)[cells]], energy.mesh.volumes[cells]
     for q, (weight, shape) in enumerate(zip(weights, shapes, strict=True)):
         slope = np.einsum("lkm,mlc->mck", shape, values)
-        pulled = slope @ stress[:, q]
-        along = np.einsum("mck,mck->m", pulled, slope), np.einsum("mkk->m", pulled)
+        moved = 0.5 * (slope - slope.transpose(0, 2, 1)) if turned else slope
+        along = np.einsum("mck,mkl,mcl->m", moved, stress[:, q], moved), np.einsum("mck,mck->m", slope, stress[:, q])
         yield weight * np.array([volumes @ work for work in along])
 
 
 def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
     """``|u'K_s u| / u'K u`` of a displacement (nodes, d): how much the stress of the load matters that K leaves out.
 
-    Zero where it is counted already, where a bedding or nothing resists, and where it is not known: of one component
-    and of bodies of revolution.
+    In ``u'K_s u`` u is the rotation: what its strain adds is beyond stress stiffening. Zero where it is counted
+    already, where nothing resists, and of bodies that it is not for: in time, not linear, of revolution, of one
+    component.
     """
     stated = problem.origin
-    if stated is None or stated.kind or stated.material.axisymmetric or isinstance(problem.model.parts, Stressed):
+    if stated is None or stated.kind or stated.stiffening or problem.model.parts is not None:
         return 0.0
-    geometric, stored = problem.vectors.total(*works_of_stress(stated, displacement)).tolist()
+    if stated.material.axisymmetric or not stated.material.linear:
+        return 0.0
+    geometric, stored = problem.vectors.total(*works_of_stress(stated, displacement, turned=True)).tolist()
     return abs(geometric) / stored if stored > 0.0 and np.isfinite(geometric) else 0.0
 
 
 def refuse_stiffening(problem: object, what: str) -> None:
-    """Refuse stress stiffening where it is not available; a stress that is held does no harm."""
+    """Refuse stress stiffening where it is not available."""
     counted = stiffens(problem) if isinstance(problem, DiscreteProblem) else False
     if counted or (isinstance(problem, ContactProblem) and problem.stiffening):
         raise ProblemError(

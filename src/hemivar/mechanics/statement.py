@@ -115,7 +115,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         points, shape (k, d), and returns shape (k,).
     stiffening : bool
         Whether the stress of the load itself stiffens or softens the body: its geometric stiffness is added. Loads at
-        rest, linear materials.
+        rest, linear materials. Stretch by deflection, of bodies held at both ends, is not counted.
     units : Units
         For labels; no number is converted.
     geometry : Geometry
@@ -196,7 +196,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         metadata=stated(
             Form.FLAG,
             "`true`: the stress of the load itself stiffens or softens the body, as tension straightens a lap joint; "
-            "for single loads at rest, linear materials, 2D and 3D",
+            "for single loads at rest, linear materials, 2D and 3D; not the stretch of a body held at both ends",
             table="loads",
         ),
     )  # fmt: skip

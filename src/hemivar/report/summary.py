@@ -15,7 +15,7 @@ from hemivar.basics.types import Array
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError
-from hemivar.fem.stress_stiffness import Stressed
+from hemivar.fem.stress_stiffness import stiffens
 from hemivar.solvers import NormalState, Solution, Status, TangentialState
 from hemivar.solvers.contact_states import state_words
 
@@ -84,7 +84,7 @@ def _solve_rows(solution: Solution, certified: bool, units: Units) -> Iterator[R
     bound, whole = solution.problem.vectors.largest(float(law.state_dependent), float(law.depends_on_whole_state))
     kept = "mode of the glue" if whole else "friction bound" if bound else ""
     fixed = f", with the {kept} held fixed" if kept else ""
-    fixed += ", with the stress of the load held fixed" if isinstance(solution.problem.model.parts, Stressed) else ""
+    fixed += ", with the stress of the load held fixed" if stiffens(solution.problem) else ""
     yield "energy", _with(f"{solution.energy:.10g}", units.energy) + fixed
     if solution.deformation is not None:
         yield "largest", solution.deformation.sizes

@@ -28,6 +28,7 @@ from hemivar.fem.contact_basis import nodal_depths
 from hemivar.fem.fields import strain, stress, von_mises
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of, slid_beyond
+from hemivar.fem.stress_stiffness import stiffens, works_of_stress
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
 from hemivar.solvers.contact_states import ContactStates, contact_states, state_words
@@ -137,6 +138,8 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         low, high = self.carried
         found = f"while the load grew from zero equilibria were found up to {low:.4g} of it, and none at {high:.4g}"
         advice = f"apply a part of it, `hemivar solve --load-factor {low:.4g}`"
+        if stiffens(self.problem):
+            return f"the stress of the load and the answer do not settle: {found}; {advice}"
         law = self.problem.law
         if self.contact.components > 2 or law.state_dependent or not law.splits:
             return f"{found}; {advice}"
@@ -144,8 +147,12 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
 
     @cached_property
     def energy(self) -> float:
-        """E(u), in units of work; a friction bound that depends on the state is taken at this very pair."""
-        return self.problem.energy(self.unknowns, self.multiplier)
+        """E(u), in units of work; a friction bound that depends on the state is taken at this very pair, and so is the
+        stress that stiffens a body."""
+        found, stated = self.problem.energy(self.unknowns, self.multiplier), self.problem.origin
+        if stated is None or not stiffens(self.problem):
+            return found
+        return found + 0.5 * works_of_stress(stated, self.displacement)[0]
 
     @property
     def contact(self) -> ContactPoints:  # type: ignore[override]

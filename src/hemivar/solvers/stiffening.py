@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -19,7 +19,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
-from hemivar.fem.stress_stiffness import Stressed, stressed_problem
+from hemivar.fem.stress_stiffness import geometric_stiffness, stressed_problem
 from hemivar.linear.definite import indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers.base import Solver, State
@@ -31,12 +31,16 @@ from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Ordinary", "StressedClimb", "stiffening"]
+__all__ = ["Ordinary", "StressedClimb", "Tally", "stiffening"]
 
-#: Most stresses that are tried one after the other.
-_OUTER = 40
+#: Most stresses that are tried one after the other, and how many of them without a smaller residual.
+_OUTER, _PATIENCE = 40, 20
 #: Part of the load whose answer, made larger, has the first stress where a law softens: nothing has softened there.
 _LITTLE = 1e-3
+#: Pairs that accelerate, and part of the largest below which directions of them are the same.
+_DEPTH, _SAME = 4, 1e-8
+#: Relative residual up to which an answer misses the tolerance by what methods leave.
+_CLOSE = 1e-6
 #: Springs in the place of contact that holds, in units of the largest diagonal stiffness.
 _HELD = 1e6
 #: Unknowns up to which all eigenvalues are computed.
@@ -48,7 +52,7 @@ _Solving = Generator[Progress, bool | None, Solution]
 
 
 class Buckled(ProblemError):  # noqa: N818 - a state of the body, which a growing load ends at
-    """A stiffness with the stress of the load is not definite."""
+    """The stiffness with the stress of the load is not definite."""
 
 
 class Solving(Protocol):
@@ -74,6 +78,11 @@ class Ordinary:
     method: Solver | str | None
     workspace: Workspace
 
+    def plain(self, problem: DiscreteProblem) -> DiscreteProblem:
+        """The problem, which the stress of its load does not stiffen; the model of it is kept."""
+        made = self.workspace.once("without its stress", problem.model, lambda: _unstressed(problem).model)
+        return problem.on_the_same(made)
+
     def __call__(self, problem: DiscreteProblem, controls: Controls, initial: Array | None) -> _Solving:
         """The solution of a problem, from unknowns (n,) on."""
         return self.solving(problem, self.method, controls, initial=initial, workspace=self.workspace)
@@ -82,7 +91,8 @@ class Ordinary:
         """Whether stiffness and contact together are shown to be definite at a solution, by what its method has set up.
 
         Where it has no condensed body, a random load tells, whose answer meets every motion: without contact, which
-        only adds. Conjugate gradients are preconditioned by the body without its stress, which is definite.
+        only adds unless it softens. Conjugate gradients are preconditioned by the body without its stress, which is
+        definite.
         """
         problem, kept = found.problem, self.workspace
         if kept.condenses(problem):
@@ -91,6 +101,8 @@ class Ordinary:
             own = system.matrix.reshape(m, d, m, d).copy()
             own[np.arange(m), :, np.arange(m), :] += _contact_blocks(problem, found.unknowns, found.multiplier)
             return positive(own.reshape(m * d, m * d)[np.ix_(system.free, system.free)])
+        if problem.contact_points and problem.law.softens:
+            return False
         hierarchy = levels_of(plain, kept)
         levels, top = hierarchy.levels, hierarchy.first + len(hierarchy.steps)
         load = np.random.default_rng(13).standard_normal(problem.unknowns)
@@ -100,66 +112,171 @@ class Ordinary:
         return float(np.linalg.norm(descent.residual)) <= enough
 
 
+class Tally:
+    """What all solves of one call take together, of what they may take."""
+
+    def __init__(self, controls: Controls, budget: Budget) -> None:
+        self.controls, self.budget = controls, budget
+        self.steps = self.evaluations = 0
+        self.seconds: Counter[str] = Counter()
+
+    @property
+    def used_up(self) -> bool:
+        """Whether no step is left."""
+        return self.controls.max_steps is not None and self.steps >= self.controls.max_steps
+
+    @property
+    def left(self) -> Controls:
+        """What the next solve may take."""
+        most = self.controls.max_steps
+        return replace(
+            self.controls,
+            max_time=max(self.controls.max_time - self.budget.spent, 0.0),
+            max_steps=None if most is None else max(most - self.steps, 1),
+        )
+
+    def with_(self, found: Solution) -> None:
+        """Count a solve."""
+        self.steps, self.evaluations = self.steps + found.steps, self.evaluations + found.evaluations
+        self.seconds.update(found.timings)  # type: ignore[arg-type]  # it adds up
+
+    def of_all(self, found: Solution) -> Solution:
+        """The solution with what was counted."""
+        return replace(found, steps=self.steps, evaluations=self.evaluations, timings=dict(self.seconds))
+
+
+class _Mixing:
+    """Anderson's acceleration of ``x = g(x)``, by the last few pairs."""
+
+    def __init__(self) -> None:
+        self.pairs: deque[tuple[Array, Array]] = deque(maxlen=_DEPTH)
+
+    def after(self, place: Array, answer: Array) -> Array:
+        """The next place (n,), after one whose answer (n,) is known."""
+        self.pairs.append((answer - place, answer))
+        left, answers = (np.array(rows) for rows in zip(*self.pairs, strict=True))
+        if len(left) < 2:
+            return answer
+        shares = np.linalg.lstsq(np.diff(left, axis=0).T, left[-1], rcond=_SAME)[0]
+        return np.asarray(answer - shares @ np.diff(answers, axis=0))
+
+
 def stiffening(
     problem: DiscreteProblem, ordinary: Ordinary, controls: Controls, initial: Solution | Array | None
 ) -> _Solving:
-    """The solution whose stress is that in its own stiffness: the secant iteration ``(K + K_s(u_k)) u_k+1 = f``.
+    """The solution whose stress is that in its own stiffness: of ``(K + K_s(u_k)) u_k+1 = f``, accelerated.
 
-    It ends where the residual with the stress of the answer itself is below the tolerance.
+    It ends where the residual with the stress of the answer itself is below the tolerance. Where that is not reached
+    the load grows, each solution being the start of the next.
 
     Raises
     ------
     Buckled
-        The stiffness with that stress is not definite: the body buckles.
+        Where no more is carried, the stress of the largest load that was solved makes the stiffness lose its
+        definiteness, and strain and rotation are small until then.
+    ProblemError
+        No part of the load has a solution that was found.
     """
-    budget = Budget(controls.max_time)
-    place = initial.unknowns if isinstance(initial, Solution) else initial
-    found = yield from _iterated(problem, ordinary, controls, place)
-    lost = place is None and problem.limit is not None and found.status not in (Status.CONVERGED, *STOPPED)
-    return _climbed(problem, found, ordinary, budget) if lost else found
+    tally, place = Tally(controls, Budget(controls.max_time)), initial
+    place = place.unknowns if isinstance(place, Solution) else place
+    found = yield from _iterated(problem, ordinary, tally, place)
+    if found is not None and (found.status in (Status.CONVERGED, *STOPPED) or tally.used_up or _near(found)):
+        return found
+    return _climbed(problem, found, ordinary, tally)
 
 
-def _iterated(problem: DiscreteProblem, ordinary: Ordinary, controls: Controls, place: Array | None) -> _Solving:
-    """The secant iteration from a place (n,) on."""
-    budget, plain, found = Budget(controls.max_time), _unstressed(problem), None
-    place = place if place is not None else (yield from _first_place(plain, ordinary, controls))
-    steps = evaluations = 0
-    seconds: Counter[str] = Counter()
+def _near(found: Solution) -> bool:
+    """Whether an answer misses the tolerance by what methods leave."""
+    return found.status is Status.INACCURATE and found.residual.relative <= _CLOSE
+
+
+def _iterated(
+    problem: DiscreteProblem, ordinary: Ordinary, tally: Tally, place: Array | None
+) -> Generator[Progress, bool | None, Solution | None]:
+    """The iteration from a place (n,) on; the last answer, whose residual is that with its own stress.
+
+    None where no answer was found. What buckles at its own stress is NOT_CARRIED.
+    """
+    plain, mixing = ordinary.plain(problem), _Mixing()
+    place = place if place is not None else (yield from _first_place(plain, ordinary, tally))
+    posed, found, sound, worse = plain if place is None else _stressed(plain, place), None, None, 0
     for _ in range(_OUTER):
-        posed = plain if place is None else _stressed(problem, place)
-        left = None if found is None else residual(posed, found.unknowns, found.multiplier)
-        if found is not None and left is not None and left.below(controls.atol, controls.rtol):
-            if not ordinary.definite(found, plain):
-                _refuse_buckled(posed, found.unknowns, found.multiplier)
-            return replace(found, problem=posed, residual=left)
-        try:
-            now = replace(controls, max_time=max(controls.max_time - budget.spent, 0.0))
-            found = yield from ordinary(posed, now, place)
-        except ProblemError:
-            if place is not None:
-                _refuse_buckled(posed, place)
+        answer = None if posed is None else (yield from _answer(posed, ordinary, tally, place))
+        own = None if answer is None else _stressed(plain, answer.unknowns)
+        if answer is not None and own is not None:
+            now = tally.of_all(_judged(replace(answer, problem=own), answer, plain, ordinary, tally.controls))
+            now = replace(now, problem=problem)
+            if now.residual.below(tally.controls.atol, tally.controls.rtol) or now.status in STOPPED or tally.used_up:
+                return now
+            gained = 0.0 if found is None else now.residual.relative / found.residual.relative
+            if gained > 0.5 and _near(now):
+                return now
+            found, worse = (now, 0) if gained < 1.0 else (found, worse + 1)
+        elif answer is None:
+            worse += 1
+        if worse > _PATIENCE or (answer is None and (place is None or sound is None)):
+            break
+        if answer is None:  # such a place is a guess: one nearer to the last that had an answer is taken
+            assert place is not None
+            assert sound is not None
+            place, mixing = 0.5 * (place + sound), _Mixing()
+        else:
+            sound = place
+            place = answer.unknowns if place is None else mixing.after(place, answer.unknowns)
+        posed = own if sound is None else _stressed(plain, place)
+    return None if found is None else tally.of_all(found)
+
+
+def _judged(
+    own: Solution, answer: Solution, plain: DiscreteProblem, ordinary: Ordinary, controls: Controls
+) -> Solution:
+    """An answer with the residual under its own stress, and the status that this allows."""
+    left = residual(own.problem, own.unknowns, own.multiplier)
+    status: Status = Status.MAX_STEPS
+    if not left.below(controls.atol, controls.rtol):
+        status = own.status if own.status is not Status.CONVERGED else status
+    else:
+        stands = ordinary.definite(answer, plain) or _falls(plain, answer) is None
+        status = Status.CONVERGED if stands else Status.NOT_CARRIED
+    return replace(own, residual=left, status=status)
+
+
+def _answer(
+    posed: DiscreteProblem, ordinary: Ordinary, tally: Tally, place: Array | None
+) -> Generator[Progress, bool | None, Solution | None]:
+    """The solution under a stress that is held; None where its stiffness does not allow one."""
+    try:
+        found = yield from ordinary(posed, tally.left, place)
+    except ProblemError:
+        if place is None:
             raise
-        steps, evaluations = steps + found.steps, evaluations + found.evaluations
-        seconds.update(found.timings)  # type: ignore[arg-type]  # it adds up
-        found = replace(found, steps=steps, evaluations=evaluations, timings=dict(seconds))
-        if found.status is not Status.CONVERGED:
-            if place is not None and found.status not in STOPPED:
-                _refuse_buckled(posed, place)
-            return found
-        place = found.unknowns
-    assert found is not None
-    return replace(found, status=Status.MAX_STEPS)
+        return None
+    tally.with_(found)
+    return found if np.isfinite(found.unknowns).all() else None
 
 
-def _climbed(problem: DiscreteProblem, found: Solution, ordinary: Ordinary, budget: Budget) -> Solution:
-    """The solution while the load grows, of which the last one is the start; where none was found at once."""
-    climb = StressedClimb(LoadStepping(), LoadLine.to(problem), budget, ordinary=ordinary)
+def _climbed(problem: DiscreteProblem, found: Solution | None, ordinary: Ordinary, tally: Tally) -> Solution:
+    """The solution while the load grows; where it is not reached, the refusal of what buckles, or the last answer."""
+    climb = StressedClimb(LoadStepping(), LoadLine.to(problem), tally.budget, ordinary=ordinary, tally=tally)
     reached = result_of(climb.up(climb.at_rest))
-    if reached.low == 1.0:
-        last: Solution = reached.at.memory[1]
-        return replace(last, steps=found.steps + last.steps, evaluations=found.evaluations + last.evaluations)
-    status = reached.status if reached.status in STOPPED else Status.NOT_CARRIED
-    return replace(found, status=status, carried=(reached.low, reached.failed))
+    last = climb.solved(reached.at)
+    if last is not None and reached.low == 1.0:
+        return tally.of_all(last)
+    ended = reached.status in STOPPED or tally.used_up or last is None or reached.low == 0.0
+    if last is not None and not ended and not (last.deformation is not None and last.deformation.large):
+        times = (1.0 + climb.method.width) * reached.failed / reached.low
+        buckles = _falls(ordinary.plain(last.problem), last, times, reached.low)
+        if buckles is not None:
+            raise buckles
+    best = found if found is not None else last
+    if best is None:
+        raise ProblemError(
+            "no equilibrium with the stress of the load was found, at any part of it: take a smaller load, or hold the "
+            "body at more places"
+        )
+    lost = Status.MAX_STEPS if problem.limit is None else Status.NOT_CARRIED
+    status = reached.status if reached.status in STOPPED and not tally.used_up else lost
+    return tally.of_all(replace(best, problem=problem, status=status, carried=(reached.low, reached.failed)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +284,7 @@ class StressedClimb(Climb):
     """Equilibria of a body that its stress stiffens, each the start of the next; points are all unknowns (n,)."""
 
     ordinary: Ordinary = field(kw_only=True)
+    tally: Tally = field(kw_only=True)
 
     @property
     def at_rest(self) -> State:
@@ -174,18 +292,33 @@ class StressedClimb(Climb):
         loaded = self.line.loaded
         return State(np.zeros(loaded.unknowns), np.zeros(loaded.contact.shape))
 
+    @staticmethod
+    def solved(at: State) -> Solution | None:
+        """The solution at an equilibrium; None at rest."""
+        return at.memory[1] if at.memory else None
+
     def _to(self, factor: float, start: State) -> tuple[State, Status]:
-        if factor == 0.0 and self.line.unloaded is None:
+        problem = self.line.at(factor)
+        if factor == 0.0 and self.line.unloaded is None and not problem.offset.any():
             return start, Status.CONVERGED
-        low = start.memory[0] if start.memory else 0.0
-        place = factor / low * start.r if low else None
+        if self.tally.used_up:
+            return start, Status.MAX_TIME
         try:
-            controls = Controls(rtol=self.method.rtol, max_time=self.budget.left)
-            found = result_of(_iterated(self.line.at(factor), self.ordinary, controls, place))
-        except Buckled:
+            found = result_of(_iterated(problem, self.ordinary, self.tally, _onward(start, factor)))
+        except ProblemError:  # a body that contact alone holds, at rest, or one whose law does not carry the load
             return start, Status.NOT_CARRIED
-        evaluations = start.evaluations + found.evaluations
-        return State(found.unknowns, found.multiplier, evaluations, memory=(factor, found)), found.status
+        if found is None:
+            return start, Status.NOT_CARRIED
+        evaluations, before = found.evaluations, ((start.memory or (0.0,))[0], start.r)
+        return State(found.unknowns, found.multiplier, evaluations, memory=(factor, found, before)), found.status
+
+
+def _onward(start: State, factor: float) -> Array | None:
+    """The place (n,) to begin with at a load factor: on the line through the last two that were solved."""
+    if not start.memory or start.memory[0] == 0.0:
+        return None
+    low, _, (before, first) = start.memory
+    return np.asarray(start.r + (factor - low) / (low - before) * (start.r - first))
 
 
 def _unstressed(problem: DiscreteProblem) -> DiscreteProblem:
@@ -195,41 +328,49 @@ def _unstressed(problem: DiscreteProblem) -> DiscreteProblem:
 
 
 def _first_place(
-    problem: DiscreteProblem, ordinary: Ordinary, controls: Controls
+    problem: DiscreteProblem, ordinary: Ordinary, tally: Tally
 ) -> Generator[Progress, bool | None, Array | None]:
     """Unknowns (n,) whose stress is held first; none where the body without its stress gives them.
 
-    Without stiffening, glue may fail under a load that it carries with it.
+    Without stiffening, glue may fail under a load that it carries with it: what a little of the load moves is made
+    larger, and gaps are not.
     """
     if not problem.contact_points or not problem.law.softens:
         return None
+    line = LoadLine.to(problem)
     try:
-        little = yield from ordinary(LoadLine.to(problem).at(_LITTLE), controls, None)
+        rest: Array | float = 0.0
+        if problem.offset.any() or line.unloaded is not None:
+            rest = (yield from ordinary(line.at(0.0), tally.left, None)).unknowns
+        little = yield from ordinary(line.at(_LITTLE), tally.left, None)
     except ProblemError:
         return None
-    return little.unknowns / _LITTLE if little.status is Status.CONVERGED else None
+    return rest + (little.unknowns - rest) / _LITTLE if little.status is Status.CONVERGED else None
 
 
-def _stressed(problem: DiscreteProblem, place: Array) -> DiscreteProblem:
+def _stressed(problem: DiscreteProblem, place: Array) -> DiscreteProblem | None:
     try:
         return stressed_problem(problem, place)
     except ProblemError:
-        raise _buckles(None) from None
+        return None
 
 
-def _refuse_buckled(posed: DiscreteProblem, place: Array, multiplier: Array | None = None) -> None:
-    """Refuse a place (n,) at which stiffness, stress and contact together are not definite, though without stress they
-    are."""
-    parts = posed.model.parts
-    if not isinstance(parts, Stressed):
-        return
-    contact = _contact_stiffness(posed, place, multiplier)
-    own, whole = sp.csr_array(parts.problem.stiffness + contact), sp.csr_array(posed.stiffness + contact)
-    if not affordable(posed):
-        if lowest_quotient(whole) < 0.0 <= lowest_quotient(own):
-            raise _buckles(None)
-    elif indefinite(whole) is not None and indefinite(own) is None:
-        raise _buckles(_factor(own, sp.csr_array(own - whole)))
+def _falls(plain: DiscreteProblem, found: Solution, times: float = 1.0, part: float = 1.0) -> Buckled | None:
+    """The refusal where the stress of a solution at a part of the load, so many times larger, buckles the body.
+
+    There stiffness, stress and contact together are not definite, though without stress they are.
+    """
+    contact = _contact_stiffness(plain, found.unknowns, found.multiplier)
+    own, falls = sp.csr_array(plain.stiffness + contact), -geometric_stiffness(plain, found.unknowns)
+    whole = sp.csr_array(own - times * falls)
+    if not affordable(plain):
+        lost = whole.diagonal().min() <= 0.0 or lowest_quotient(whole) < 0.0
+        return _buckles(None) if lost and lowest_quotient(own) >= 0.0 else None
+    lost = whole.diagonal().min() <= 0.0 or indefinite(whole) is not None
+    if not lost or indefinite(own) is not None:
+        return None
+    factor = _factor(own, falls)
+    return _buckles(None if factor is None else factor * part)
 
 
 def _contact_blocks(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> Array:

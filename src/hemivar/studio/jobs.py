@@ -438,6 +438,8 @@ def _same_body(kept: _Kept, fresh: DiscreteProblem, tables: object) -> bool:
     one, other = kept.problem.model, fresh.model
     if kept.tables != tables or not (isinstance(one.bulk, Quadratic) and isinstance(other.bulk, Quadratic)):
         return False
+    if one.origin is None or other.origin is None or one.origin.stiffening != other.origin.stiffening:
+        return False
     pairs = [
         (one.bulk.stiffness.data, other.bulk.stiffness.data),
         (one.bulk.stiffness.indices, other.bulk.stiffness.indices),
