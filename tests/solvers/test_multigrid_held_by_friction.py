@@ -120,8 +120,9 @@ def agree(numbers: range | tuple[int, ...]) -> int:
 
 
 def test_random_bodies_are_solved_on_levels_as_condensed() -> None:
-    """The second ones are lost where a bound is only frozen at the first pressures, which hold nothing."""
-    assert agree((2, 7, 19, 191, 206)) == 5
+    """Some are lost where a bound is only frozen at the first pressures, which hold nothing; in the fourth |F| is
+    rounding while a pair still misses its law by more than the tolerance."""
+    assert agree((2, 7, 19, 80, 191, 206)) == 6
 
 
 @pytest.mark.slow

@@ -193,7 +193,7 @@ class SemismoothNewton(Solver):
         assert search is not None
         assert point is not None
         if search.rounded(point):
-            return replace(state, ended=Status.STALLED)
+            return self._last(system, way, state, budget)
         fallbacks, new = state.fallbacks, None
         if way.rounds < self.rounds and not _creeps(way.past):
             # Where glue lets go |F| creeps along; a step of the fixed point, whose energy falls, leads past that.
@@ -211,6 +211,19 @@ class SemismoothNewton(Solver):
             fixed = self._fixed(system, way.start, state, budget)
             return self._followed(system, fixed.memory, fixed, budget)
         return self._at(system, new, way.after(new), state)
+
+    def _last(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
+        """A step from where |F| is rounding: what a pair misses its law by may be more, and may still fall."""
+        assert way.search is not None
+        assert way.point is not None
+        new = way.search.whole(way.point, budget)
+        ended = replace(state, ended=Status.STALLED)
+        if new is None:
+            return ended
+        found = self._at(system, new, way.after(new), replace(state, evaluations=state.evaluations + new.cycles))
+        assert found.residual is not None
+        assert state.residual is not None
+        return found if found.residual.total < 0.5 * state.residual.total else ended
 
     def settle(self, system: ContactSystem, state: State, budget: Budget) -> State | None:
         way: _Way = state.memory
@@ -361,6 +374,12 @@ class _Search:
         rest = system.less_contact(point.force, system.weights[:, None] * point.lam)
         off = norm(system.vectors.norms(self.equation.missed(point), rest))
         return _Place(**vars(point), off=off, cycles=cycles) if np.isfinite(off) else None
+
+    def whole(self, place: _Place, budget: Budget) -> _Place | None:
+        """The place after a whole step, wherever that leads."""
+        found = self.equation.step(place, replace(self.accuracy, due=budget.due))
+        budget.check()
+        return None if found is None else self.at(found[0], found[2])
 
     def lower(self, place: _Place, halvings: int, budget: Budget, astray: float = math.inf) -> _Place | None:
         """The place after a step that lowers |F|; None where there is none, or where |F| grows beyond ``astray`` times
