@@ -60,14 +60,8 @@ def test_cells_of_other_formats_are_checked(cells: list, tmp_path: Path) -> None
 
 
 def test_negative_numbers_of_nodes_do_not_count_from_the_end(tmp_path: Path) -> None:
-    path = tmp_path / "part.xdmf"
-    points = " ".join(map(str, SQUARE.ravel().tolist()))
-    path.write_text(
-        '<Xdmf Version="3.0"><Domain><Grid Name="Grid"><Geometry GeometryType="XYZ"><DataItem DataType="Float" '
-        f'Dimensions="4 3" Format="XML" Precision="8">{points}</DataItem></Geometry><Topology TopologyType="Triangle" '
-        'NumberOfElements="1"><DataItem DataType="Int" Dimensions="1 3" Format="XML" Precision="8">0 1 -1</DataItem>'
-        "</Topology></Grid></Domain></Xdmf>"
-    )
+    path = tmp_path / "part.off"
+    path.write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 -1\n")
     with pytest.raises(ProblemError, match="refers to a node that is not in it"):
         read_mesh(path)
 
