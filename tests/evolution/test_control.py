@@ -11,7 +11,6 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import AdaptiveStep, Checkpoint, Evolution, History, Save, march
-from hemivar.files.snapshot import snapshot
 from hemivar.mesh import rectangle
 from tests import bodies
 
@@ -199,19 +198,6 @@ def test_a_load_that_bends_between_or_beyond_the_times_looked_at_is_refused() ->
     assert history.ended == "refused"
     assert "bends over t, at t = 0.96" in history.messages[-1]
     np.testing.assert_allclose(history["load_factor"], [0.0, 0.48], rtol=1e-12)
-
-
-def test_what_is_written_of_a_gap_is_that_of_the_load_factor() -> None:
-    """A foundation that recedes by the factor: stretched by spring and glue in a row, whichever way it goes."""
-    contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, 36.0, 72.0), gap=lambda x, t: np.full(len(x), t))
-    receding = Evolution(bodies.column(contact, stiffness=SPRING, top=hv.Fixed(y=0.0)))
-    history = march(receding, 0.6, step=0.05, control="dissipation")
-    assert history.ended == "broken"
-    for frame in history.frames:
-        seen = snapshot(history.discrete, frame)
-        np.testing.assert_allclose(seen.gap[0], -frame.local[0, 0] - frame.displacement[:, 1].min(), atol=1e-12)
-    between = snapshot(history.discrete, history.at(0.375))
-    assert between.gap[0] == pytest.approx(history["load_factor"][7:9].mean(), rel=1e-9)
 
 
 def test_a_march_that_goes_on_from_its_checkpoint_is_the_same(tmp_path: Path) -> None:

@@ -1,0 +1,11 @@
+"""A body that the stress of its load stiffens has no bound of the distance to the exact solution."""
+
+from __future__ import annotations
+
+import hemivar as hv
+from tests.solvers.test_stiffening import pressed
+
+
+def test_the_certificate_says_why_there_is_no_bound() -> None:
+    certificate = hv.solve(pressed()).certify(exact=True)
+    assert "not available with stress stiffening" in certificate.exact.reasons[0]
