@@ -211,7 +211,6 @@ def test_penetration_is_that_of_nodes() -> None:
     assert np.abs(solution.local[:, 0] - depth).max() > 1e-6
     np.testing.assert_allclose(solution.penetration, depth, atol=1e-13)
     np.testing.assert_allclose(solution.on("bottom").penetration, depth, atol=1e-13)
-    assert f"{depth.max():.6g}" in str(solution.summary())
 
 
 def test_methods_agree() -> None:

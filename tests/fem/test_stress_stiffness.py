@@ -97,8 +97,6 @@ def test_a_note_says_where_the_stress_matters_and_is_left_out() -> None:
     assert without.deformation.stiffening > 0.3
     assert any("stiffening = true" in said for said in without.warnings)
     assert not counted.warnings
-    assert "stiffening = true" in str(without.summary())
-    assert "with the stress of the load held fixed" in str(counted.summary())
     block = hv.solve(bar(tractions={"right": (0.2, 2e-3)}))
     assert block.deformation.stiffening < 5e-3
     assert not block.warnings
