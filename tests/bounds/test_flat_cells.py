@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from hemivar.basics.types import Array
 from hemivar.bounds.exact_certificate import statement_of
 from hemivar.bounds.exact_distance import ExactDistance, exact_distance
 from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
+from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.mesh import Mesh, box, rectangle
 
@@ -121,3 +123,20 @@ def test_flat_bodies_that_touch_say_so() -> None:
         solution = hv.solve(problem)
         found = exact_distance(problem, solution.displacement, guaranteed_trace_bounds(solution.problem))
         assert found.above > 20.0
+
+
+@pytest.mark.parametrize("where", ["bettered", "solve", "interpolate"])
+def test_what_becomes_of_better_cells_does_not_cost_the_bound_in_hand(
+    where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = layer(1 / 100)
+    u, _ = bounded(problem)
+    constants = guaranteed_trace_bounds(hv.discretize(problem))
+
+    def refused(*_: object, **__: object) -> None:
+        raise ProblemError("the mesh is refused")
+
+    monkeypatch.setattr(sys.modules[ExactDistance.__module__], where, refused)
+    found = exact_distance(problem, u, constants)
+    assert found.guaranteed
+    assert "cells are flat" in "".join(statement_of(found).lines())

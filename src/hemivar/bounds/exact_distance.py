@@ -282,22 +282,40 @@ def _by_better_cells(
     seen = unresolved(data) if data.order == 1 else 0.0
     best, finer, added = found, found, found.added(constants)
     for _ in range(_MESHES if wanted and not touch(problem) else 0):  # cut alike on both sides they would stay one
-        if best.distance <= _ENOUGH * seen or (mesh := bettered(finer.stress.data.table, added)) is None:
+        if best.distance <= _ENOUGH * seen:
             break
-        other = replace(problem, mesh=mesh)
         try:
-            solution = solve(other)
-            w = solution.displacement
-            finer = _of_body(other, w, constants, sweeps, unmet_hypotheses(other, w), None)
+            other = _on_better_cells(problem, displacement, constants, sweeps, finer, added)
         except _IN_VAIN:
             break
-        assert solution.problem.field is not None
-        change = w - interpolate(problem.mesh, displacement, solution.problem.field)
-        added, apart = finer.added(constants), float(np.sqrt(finer.stress.data.moved(change).energy))
-        seen = max(seen, apart)
+        if other is None:
+            break
+        finer, apart = other
+        added, seen = finer.added(constants), max(seen, apart)
         if finer.guaranteed >= best.guaranteed and finer.distance + apart < best.distance:
             best = _by_way_of(found, finer, apart)
     return replace(best, above=best.distance / seen if seen > 0.0 else 0.0)
+
+
+def _on_better_cells(
+    problem: ContactProblem,
+    displacement: Array,
+    constants: TraceBounds,
+    sweeps: Sweeps,
+    found: ExactDistance,
+    added: Array,
+) -> tuple[ExactDistance, float] | None:
+    """The bound of the solution on better cells, and how far that is from a displacement; None without such cells."""
+    mesh = bettered(found.stress.data.table, added)
+    if mesh is None:
+        return None
+    other = replace(problem, mesh=mesh)
+    solution = solve(other)
+    field, w = solution.problem.field, solution.displacement
+    assert field is not None
+    finer = _of_body(other, w, constants, sweeps, unmet_hypotheses(other, w), None)
+    change = w - interpolate(problem.mesh, displacement, field)
+    return finer, float(np.sqrt(finer.stress.data.moved(change).energy))
 
 
 def _by_way_of(found: ExactDistance, finer: ExactDistance, apart: float) -> ExactDistance:

@@ -15,7 +15,7 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["are_flat", "bettered", "largest_share"]
 
-#: Lengths of cells over their heights from which on it is told what the bound may be, and those from which on better
+#: Lengths of cells over their heights from which on what the bound may be is reported, and those from which on better
 #: cells are looked for, in the plane and in space.
 _TOLD, _FLAT = 8.0, {2: 24.0, 3: 18.0}
 #: That from which on they are halved.

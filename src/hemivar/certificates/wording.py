@@ -276,10 +276,10 @@ def _distance(c: Certificate) -> str:
     if not math.isfinite(c.error_bound):
         late = "margin" in c.left_out or "error bound" in c.left_out
         why = "the margin is not shown" if c.apart else "the time limit was reached"
-        else_why = (
-            "the stress follows the answer" if constants.stiffness_by == STRESSED else "the margin is not positive"
-        )
-        return f"no bound, because {why if late else else_why}"
+        if not late:
+            follows = constants.stiffness_by == STRESSED
+            why = "the stress follows the answer" if follows else "the margin is not positive"
+        return f"no bound, because {why}"
     size = f"{c.error_bound:.2e}, relative {c.error_bound_relative:.1e},"
     if not c.error_bound_sampled:
         return f"at most {size} to the exact discrete solution"
