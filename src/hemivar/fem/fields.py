@@ -227,7 +227,12 @@ def gradients_at(slopes: Array, nodes: IntArray, displacement: Array, order: int
     Shapes: ``slopes`` of the barycentric coordinates (d + 1, d, k), ``nodes`` of the cells (k, L).
     """
     shapes = slopes if order == 1 else np.tensordot(shape_derivatives(order, barycentric), slopes, axes=1)
-    gradient = np.zeros((displacement.shape[1], *slopes.shape[1:]))
+    return gradients_by(shapes, nodes, displacement)
+
+
+def gradients_by(shapes: Array, nodes: IntArray, displacement: Array) -> Array:
+    """The same by the gradients of the shape functions (L, d, k)."""
+    gradient = np.zeros((displacement.shape[1], *shapes.shape[1:]))
     for number, shape in zip(nodes.T, shapes, strict=True):
         for component, moved in zip(gradient, displacement.T, strict=True):
             component += moved[number] * shape

@@ -6,6 +6,7 @@ The geometric stiffness of a stress sigma is ``v'K_s u = int sigma_kl du_i/dx_k 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -21,6 +22,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.assembly import portions, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
 from hemivar.fem.energy_integral import NodalEnergy, _not_by_points
+from hemivar.fem.fields import gradients_by
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
@@ -139,14 +141,19 @@ def works_of_stress(problem: ContactProblem, displacement: Array, *, turned: boo
 
 def _works_at_points(energy: NodalEnergy, displacement: Array, cells: slice, turned: bool) -> Iterator[Array]:
     """Both works at each point of the rule in turn, of some cells together."""
-    strain, shapes = energy.strains(displacement, cells)
-    stress, weights = _stress(energy, strain, cells)
-    values, volumes = displacement[energy.mesh.cell_nodes(energy.order)[cells]], energy.mesh.volumes[cells]
+    (strain, shapes), strains = energy.strains(displacement, cells), energy.law.strains
+    stress, weights = energy.at(energy.law.density.stress, strain, cells)
+    nodes, volumes = energy.mesh.cell_nodes(energy.order)[cells], energy.mesh.volumes[cells]
+    stretched = strain.reshape(stress.shape)
     for q, (weight, shape) in enumerate(zip(weights, shapes, strict=True)):
-        slope = np.einsum("lkm,mlc->mck", shape, values)
-        moved = 0.5 * (slope - slope.transpose(0, 2, 1)) if turned else slope
-        along = np.einsum("mck,mkl,mcl->m", moved, stress[:, q], moved), np.einsum("mck,mck->m", slope, stress[:, q])
-        yield weight * np.array([volumes @ work for work in along])
+        slope, pulls = gradients_by(shape, nodes, displacement), stress[:, q].T
+        moved = 0.5 * (slope - slope.transpose(1, 0, 2)) if turned else slope
+        along = sum(
+            (1.0 if i == j else 2.0) * pulls[strains[i, j]] * (moved[:, i] * moved[:, j]).sum(axis=0)
+            for i, j in itertools.combinations_with_replacement(range(len(strains)), 2)
+        )
+        stored = sum(pull * own for pull, own in zip(pulls, stretched[:, q].T, strict=True))
+        yield weight * np.array([volumes @ along, volumes @ stored])
 
 
 def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
