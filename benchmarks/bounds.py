@@ -4,6 +4,7 @@
     python benchmarks/bounds.py effectivity [--sizes 8 16] [--space 2 4]
     python benchmarks/bounds.py cost [--sizes 64 128] [--space 8 16 24 32] [--data 5.1] [--methods newton multigrid]
     python benchmarks/bounds.py memory [--sizes 128] [--space 12 32]
+    python benchmarks/bounds.py flat
 
 ``claims`` judges every problem of the gallery that has a bound, and statements at random (``random_statements.py``),
 and prints for each the bound over the error, and whether it holds.  With ``--rows`` each run is kept as soon as it is
@@ -367,6 +368,47 @@ def memory(options: argparse.Namespace) -> int:
     return 0
 
 
+#: Dimension, height over length, cells of a plate.
+PLATES = [
+    *((2, ratio, cells) for ratio in (100, 300) for cells in ((8, 1), (8, 2), (8, 4))),
+    *((3, ratio, (4, 4, 2)) for ratio in (30, 100, 300)),
+]
+
+
+def plate(dim: int, ratio: int, cells: tuple[int, ...], held: str) -> hv.ContactProblem:
+    """A plate of length one on a foundation, pulled at its end: held on its top, or at its other end."""
+    size = (*((1.0,) * (dim - 1)), 1.0 / ratio)
+    mesh = hv.rectangle(size, cells, pattern="cross") if dim == 2 else hv.box(size, cells)
+    between = (0.0,) * (dim - 2)
+    return hv.ContactProblem(
+        mesh, hv.Material.young(10.0, 0.3), {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(0.05))},
+        {held: hv.Clamped()}, body_force=(0.1, *between, -0.4), tractions={"right": (0.05, *between, -0.2)},
+    )  # fmt: skip
+
+
+def flat(options: argparse.Namespace) -> int:
+    """Bound over error on flat cells: by the cells of the mesh, and as it is; seconds of the latter."""
+    rows = []
+    for (dim, ratio, cells), held in itertools.product(PLATES, ("top", "left")):
+        problem = plate(dim, ratio, cells, held)
+        solution = hv.solve(problem)
+        u, constants = solution.displacement, guaranteed_trace_bounds(solution.problem)
+        own = exact_distance(problem, u, constants, sweeps=(V,) if dim == 2 else (E,))
+        began = time.process_time()
+        found = exact_distance(problem, u, constants)
+        spent, error = time.process_time() - began, error_of(problem, u)
+        rows.append(
+            {
+                "plate": f"1:{ratio}", "cells": " x ".join(map(str, cells)), "held": held,
+                "by its cells": own.distance / error.measured, "index": found.distance / error.measured,
+                "told": found.above, "holds": bool(found.distance >= error.whole), "seconds": spent,
+            }
+        )  # fmt: skip
+        print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
+    show(rows, None)
+    return 0
+
+
 def peak(options: argparse.Namespace) -> int:
     """Print the peak in MiB above that after a small problem of the same kind, with everything imported."""
     small = _problem(options.dim, 2)
@@ -388,7 +430,7 @@ def distance(problem: hv.ContactProblem, constants: TraceBounds) -> ExactDistanc
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("part", choices=["claims", "effectivity", "cost", "memory", "peak"])
+    parser.add_argument("part", choices=["claims", "effectivity", "cost", "memory", "flat", "peak"])
     parser.add_argument("--runs", type=int, default=320, help="statements at random")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", type=int, nargs="+", default=None, help="numbers of statements, these alone")
@@ -412,7 +454,7 @@ def main() -> int:
     plane, space = usual.get(options.part, ([], []))
     options.sizes = plane if options.sizes is None else options.sizes
     options.space = space if options.space is None else options.space
-    parts = {"claims": claims, "effectivity": effectivity, "cost": cost, "memory": memory, "peak": peak}
+    parts = {"claims": claims, "effectivity": effectivity, "cost": cost, "memory": memory, "flat": flat, "peak": peak}
     return parts[options.part](options)
 
 
