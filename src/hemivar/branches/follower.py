@@ -102,7 +102,7 @@ _SAME, _CHANGES = 1e-6, 8
 #: Cosine of the angle by which a path turns in one step at most.
 _TURNED = 0.95
 
-#: Part of a step by which what holds on it is told beside its end, where that is an end of a segment.
+#: Part of a step by which what holds on it is found beside its end, where that is an end of a segment.
 _WITHIN = 1e-6
 
 #: Load that hardly changes, beside the motion, and how many times longer steps may then be, beside that as well.

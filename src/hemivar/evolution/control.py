@@ -397,7 +397,7 @@ class ControlledStepper(TimeStepper):
                         f"{factor:.6g} or before; state it as a multiple of t"
                     )
 
-    # ---- what is told --------------------------------------------------------------------------------------
+    # ---- what is reported --------------------------------------------------------------------------------------
 
     def known(self, state: TimeState) -> LoadControl:
         """What a state knows of the load factor."""
