@@ -60,7 +60,13 @@ def test_the_j_integral_of_the_loads_is_that_of_the_glue(mode: float) -> None:
 
 @pytest.mark.parametrize(
     ("mode", "until"),
-    [slow(0.0, {"max-opening": 0.075}), slow(0.5, {"max-opening": 0.08}), slow(1.0, {"max-slip": 0.05})],
+    [
+        slow(0.0, {"max-opening": 0.075}),
+        slow(0.2, {"max-opening": 0.08}),
+        slow(0.5, {"max-opening": 0.08}),
+        slow(0.8, {"max-opening": 0.08}),
+        slow(1.0, {"max-slip": 0.05}),
+    ],
 )
 def test_load_and_opening_on_the_path_are_those_of_corrected_beam_theory(mode: float, until: dict[str, float]) -> None:
     """As in time, in less than 1000 points: steps grow with the openings, from those of stiff glue to its break."""
