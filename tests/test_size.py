@@ -14,13 +14,13 @@ from tests.sources import PACKAGE, sources
 LINES: dict[str, int] = {
     "C++": 4808,
     "JavaScript": 2184,
-    "basics": 1776,
+    "basics": 1777,
     "bounds": 7488,  # flat cells by way of better ones
     "branches": 2752,  # paths that know their last step; brackets of stiffened bodies
     "certificates": 2021,  # bodies under the stress of the load
     "cli": 2952,
     "discrete": 2466,  # glue beside other laws
-    "evolution": 6056,  # a load factor that is an answer
+    "evolution": 6062,  # a load factor that is an answer, and is checked in checkpoints
     "fem": 5139,  # quadratic tetrahedra; stress stiffness; loads by portions
     "files": 3454,
     "formula": 1813,
@@ -30,7 +30,7 @@ LINES: dict[str, int] = {
     "laws": 10542,  # glue whose mode is kept stands beside every law
     "linear": 1899,
     "mechanics": 4065,
-    "mesh": 4172,  # order of mesh files; longest edges halved
+    "mesh": 4174,  # order of mesh files; longest edges halved
     "modules": 141,
     "ranks": 2857,
     "report": 4427,

@@ -149,5 +149,5 @@ def test_masks_are_not_lost_in_meshes() -> None:
 def test_nodes_are_those_of_order_one_or_two() -> None:
     mesh = hv.rectangle((1.0, 1.0), 1)
     for order in ("x", 3, None):
-        with pytest.raises(ProblemError, match=r"the order of the nodes is .*; give 1 or 2"):
+        with pytest.raises(ProblemError, match=r"order = .*; give 1 or 2"):
             mesh.nodes(order)  # type: ignore[arg-type]

@@ -179,6 +179,7 @@ FORGED: dict[str, Callable[[Head, Arrays], None]] = {
     "straight is a number": put("state/march/straight", 1),
     "no frames": put("state/march/frames", []),
     "frame at nan": put("state/march/frames/0/time", "nan"),
+    "frame at a text": put("state/march/frames/0/time", "x"),
     "frame of no row": put("state/march/frames/0/time", 0.05),
     "stride is 0": put("state/march/frame_place", [3, 0]),
     "place is negative": put("state/march/frame_place", [-1, 1]),

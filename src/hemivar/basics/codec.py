@@ -24,6 +24,8 @@ Kind = TypeVar("Kind")
 
 #: Metadata of a field that is computed again, and not kept.
 COMPUTED: Mapping[str, object] = types.MappingProxyType({"kept": False})
+#: What JSON has no numbers for, as the texts that stand for them.
+_NO_NUMBERS = ("nan", "inf", "-inf")
 
 
 def encoded(value: object, arrays: list[AnyArray]) -> object:
@@ -75,8 +77,8 @@ def _value(kind: object, head: object, arrays: Sequence[AnyArray]) -> object:
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return {name: _value(inside[1], one, arrays) for name, one in _expected(dict, head).items()}
     if kind is float:
-        if isinstance(head, bool) or not isinstance(head, int | float | str):
-            raise TypeError(f"{head!r} is not a number")
+        if isinstance(head, bool) or not (isinstance(head, int | float) or head in _NO_NUMBERS):
+            raise TypeError(f"{head!r:.40} is not a number")
         return float(head)
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(head)

@@ -100,7 +100,7 @@ def control_of(given: object) -> Control | None:
     """
     if given is None or isinstance(given, Control):
         return given
-    if given == DISSIPATION and isinstance(given, str):
+    if isinstance(given, str) and given == DISSIPATION:
         return Control()
     if isinstance(given, Mapping) and set(given) == {"opening"} and isinstance(given["opening"], str):
         return Control(given["opening"])

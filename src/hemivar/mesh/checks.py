@@ -8,7 +8,7 @@ from collections.abc import ItemsView, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import expect, name_of
+from hemivar.basics.arguments import expect, name_of, quoted
 from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -19,6 +19,7 @@ __all__ = [
     "check_cells",
     "check_coordinates",
     "check_grid",
+    "check_order",
     "checked_arrays",
     "checked_boundaries",
     "checked_interfaces",
@@ -340,3 +341,9 @@ def _some(mask: BoolArray, limit: int = 5) -> str:
     """The first few numbers where ``mask`` holds, for messages."""
     numbers = np.flatnonzero(mask)
     return ", ".join(str(int(i)) for i in numbers[:limit]) + (", ..." if len(numbers) > limit else "")
+
+
+def check_order(order: object) -> None:
+    """Refuse an order of the nodes that is neither 1 nor 2."""
+    if not is_whole(order, 1) or order not in (1, 2):  # type: ignore[arg-type]
+        raise ProblemError(f"order = {quoted(order)}; give 1 or 2")

@@ -23,6 +23,7 @@ from hemivar.mesh.assembled import assembled
 from hemivar.mesh.checks import (
     check_cells,
     check_coordinates,
+    check_order,
     checked_arrays,
     checked_boundaries,
     checked_interfaces,
@@ -266,7 +267,7 @@ class Mesh(PickleMixin):
         -------
         array, shape (N, d) or (N + E, d)
         """
-        _check_order(order)
+        check_order(order)
         if order == 1:
             return self.points
         middle = 0.5 * (self.points[self.edges[:, 0]] + self.points[self.edges[:, 1]])
@@ -274,7 +275,7 @@ class Mesh(PickleMixin):
 
     def cell_nodes(self, order: int = 1) -> IntArray:
         """Displacement nodes of the cells, shape (M, d + 1) or, for order 2, (M, 6) in 2D and (M, 10) in 3D."""
-        _check_order(order)
+        check_order(order)
         if order == 1:
             return self.cells
         return np.hstack([self.cells, self.number_of_nodes + self.cell_edges])
@@ -292,7 +293,7 @@ class Mesh(PickleMixin):
         -------
         int array, shape (k, d) or, for order 2, (k, 3) in 2D and (k, 6) in 3D
         """
-        _check_order(order)
+        check_order(order)
         if order == 1:
             return facets
         local = ((0, 1),) if self.dim == 2 else ((0, 1), (1, 2), (0, 2))
@@ -628,8 +629,3 @@ class Mesh(PickleMixin):
     def parts(self) -> Parts:
         """The parts that it consists of: cells joined through facets."""
         return parts_of(self)
-
-
-def _check_order(order: object) -> None:
-    if not is_whole(order, 1) or order not in (1, 2):  # type: ignore[arg-type]
-        raise ProblemError(f"the order of the nodes is {described(order)}; give 1 or 2")

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.arguments import quoted
 from hemivar.basics.disk import first_bytes, read_bytes, regular_file, shown
 from hemivar.basics.memory import require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import FileError, ProblemError
 from hemivar.mesh.abaqus import is_abaqus, parse_abaqus
 from hemivar.mesh.by_meshio import format_of, read_by_meshio
+from hemivar.mesh.checks import check_order
 from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
@@ -68,8 +68,8 @@ def read_mesh(path: str | Path, order: int | None = None) -> Mesh:
     >>> sorted(mesh.boundaries)  # doctest: +SKIP
     ['back', 'hole', 'shelf']
     """
-    if order not in (None, 1, 2):
-        raise ProblemError(f"order = {quoted(order)}; give 1 or 2, or leave it out")
+    if order is not None:
+        check_order(order)
     try:
         name = regular_file(path, "mesh file", 2**62)
     except FileError as error:
