@@ -76,6 +76,12 @@ class Sweeps:
         """Those by default."""
         return cls(_LINEAR[dim] if order == 1 else _QUADRATIC, on=True)
 
+    def sweeper(self, stress: AdmissibleStress) -> PatchSmoother:
+        """What improves a stress in place; what steps need to know of the displacement is found before."""
+        if self.on and stress.data.order == 1:
+            unresolved(stress.data)
+        return PatchSmoother(stress, own=True)
+
     def lower(self, sweeper: PatchSmoother, price: _Price | None = None) -> AdmissibleStress:
         """The stress of a sweeper with less misfit, its contact tractions freed at a price."""
         before = 0.0
@@ -165,6 +171,13 @@ def unresolved(data: BodyData) -> float:
 
     Of their ``r(v)^2 / a(v, v)``, with the r of the displacement and v in all directions of a bubble, the sum.
     """
+    known = vars(data)
+    if "unresolved" not in known:
+        known["unresolved"] = _unresolved(data)
+    return float(known["unresolved"])
+
+
+def _unresolved(data: BodyData) -> float:
     table, dim = data.table, data.table.dim
     compiled = bubble_square(data, cell_patches(table, PatchKind.EDGE), np.array(_ENDS[dim]))
     if compiled is not None:

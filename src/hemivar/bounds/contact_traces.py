@@ -155,7 +155,7 @@ class ContactTraces:
     @cached_property
     def loose(self) -> Array:
         """Projections (k, d, d) on the components that no support holds."""
-        return np.asarray(np.eye(self.data.table.dim) - self.data.unknown[self.facets])
+        return np.asarray(np.eye(self.data.table.dim) - self.data.freed(self.facets))
 
     @cached_property
     def values(self) -> tuple[Array, Array]:
@@ -179,7 +179,7 @@ class ContactTraces:
         ``moments`` is (F, l, d).
         """
         data = self.data
-        left = data.facet_loads[self.facets] - moments[self.facets]
+        left = data.loads_on(self.facets) - moments[self.facets]
         inverse = np.linalg.inv(facet_mass(data.table.dim, data.order))
         return self._at_points(inverse @ left / data.table.measures[self.facets, None, None])
 
@@ -189,12 +189,12 @@ class ContactTraces:
         ``moments`` is (F, l, d).
         """
         data = self.data
-        left = data.facet_loads[self.facets] - moments[self.facets]
+        left = data.loads_on(self.facets) - moments[self.facets]
         share = shares(data.order, data.table.dim)[:, None] * data.table.measures[self.facets][:, None, None]
         nodal = left / share
         held = np.zeros(len(data.displacement), dtype=bool)
         outer = np.flatnonzero(~data.table.interior & (data.contact < 0))
-        held[data.facet_nodes[outer[data.unknown[outer].any(axis=(1, 2))]]] = True
+        held[data.facet_nodes[outer[data.freed(outer).any(axis=(1, 2))]]] = True
         known = ~held[data.facet_nodes[self.facets]]
         count = np.maximum(known.sum(axis=1), 1)[:, None]
         mean = np.einsum("fa,fai->fi", known.astype(float), nodal) / count
@@ -215,7 +215,7 @@ class ContactTraces:
 
     def on_facets(self, moments: Array) -> Array:
         """Moments (F, l, d) of all facets: these (k, l, d) on contact facets, zero on others."""
-        out = np.zeros(self.data.facet_loads.shape)
+        out = np.zeros((len(self.data.table.facets), *moments.shape[1:]))
         out[self.facets] = moments
         return out
 
@@ -398,7 +398,7 @@ def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array
     dim = table.dim
     places = barycentric @ table.mesh.points[table.facets[facets]]
     moved = shape_values(data.order, barycentric) @ data.jump(data.displacement, facets)
-    normals = table.normals[facets][:, None]
+    normals = table.normals_of(facets)[:, None]
     flat = places.reshape(-1, dim)
     if contact.obstacle is None:
         gap = DataField(contact.gap, f"gap of contact '{name}'").at(flat)
@@ -564,11 +564,11 @@ def _move_corners(data: BodyData, moved: Array, facets: IntArray, excess: Array,
     if not (excess > near).any():
         return
     outer = np.flatnonzero(~table.interior)
-    outer = outer[data.unknown[outer].any(axis=(1, 2))]
-    normals, nodes = table.normals[facets], table.facets[facets]
+    outer = outer[data.freed(outer).any(axis=(1, 2))]
+    normals, nodes = table.normals_of(facets), table.facets[facets]
     held = np.zeros((len(moved), table.dim, table.dim))
     for corner in table.facets[outer].T:
-        np.add.at(held, corner, data.unknown[outer])
+        np.add.at(held, corner, data.freed(outer))
     most, normal = np.zeros(len(moved)), np.zeros(moved.shape)
     for corner, much in zip(nodes.T, excess.T, strict=True):
         order = np.argsort(much)  # of all facets of a node the one that penetrates most decides
@@ -605,7 +605,7 @@ def admissible_displacement(data: BodyData) -> Array:
         first, last, middle = local[..., 0].T
         beyond = middle - 0.5 * (first + last)
         normal = frames[:, -1, 0]
-        held = np.einsum("fi,fij,fj->f", normal, data.unknown[facets], normal) > _HELD
+        held = np.einsum("fi,fij,fj->f", normal, data.freed(facets), normal) > _HELD
         for end, sign in ((domain.upper, 1.0), (domain.lower, -1.0)):
             reach = (np.sqrt(np.maximum(sign * (end - value), 0.0)) for value in (first, last))
             excess = np.maximum(sign * beyond - 0.25 * sum(reach) ** 2, 0.0)

@@ -36,7 +36,6 @@ from hemivar.bounds.contact_traces import ContactTraces
 from hemivar.bounds.fenchel import FenchelGap, fenchel_gap, near_multiplier
 from hemivar.bounds.loose_motions import loose_motions
 from hemivar.bounds.oscillation import local_constants
-from hemivar.bounds.sweeps import PatchSmoother
 from hemivar.bounds.touching_bodies import contact_moments
 from hemivar.bounds.varying_gaps import gap_ranges
 from hemivar.bounds.vertex_moments import shared_on_contact
@@ -95,7 +94,7 @@ def not_convex(problem: ContactProblem) -> str:
 def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> BalancedStress | None:
     """Of a displacement in the domain of the law; None where no tractions that the law allows balance the loads."""
     body, joined = BareStiffness(data), bool(data.table.cut.any())
-    loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
+    loads = _gathered(data, data.loads) + data.at_nodes(data.table.outer, data.outer_loads)
     shared = shared_on_contact(data, contact_moments(data) if joined else None)
     lack = loads - _gathered(data, data.forces)
     rough, fine = (_Multipliers(at, body, loads, lack, at.interpolated(shared)) for at in (traces.rough, traces))
@@ -110,7 +109,7 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> Ba
     own = admissible_stress(moved.under(pressures)) if joined else admissible_stress(moved, pressures)
     stress = replace(own, data=data)
     if sweeps.kinds:
-        stress = sweeps.lower(PatchSmoother(stress))
+        stress = sweeps.lower(sweeps.sweeper(stress))
     algebraic = float(np.sqrt(max(float(np.sum(body.solve(left, _ROUGH) * left)), 0.0)))
     every = np.eye(len(fine.works))
     unseen, loose = map(body.in_words, (every, loose_motions(rough.traces, rough.moves, rough.works, rough.size)))

@@ -461,7 +461,7 @@ def improved_stress(
         stress = replace(stress, data=wanted)
     if not sweeps.kinds:
         return stress
-    sweeper = PatchSmoother(stress)
+    sweeper = sweeps.sweeper(stress)
     del stress  # what has been computed of it is large, and of no use any more
     if traces is not None and data.order == 2:
         for _ in range(_NEAR):
@@ -516,9 +516,9 @@ def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds
 
 def _without_rounding(forces: Array, sweeper: PatchSmoother) -> Array:
     """Forces without those that are rounding: on which side of zero they are would decide which multipliers follow."""
-    measures = sweeper.data.table.measures
-    tractions = sweeper.moments.reshape(len(measures), -1) / measures[:, None]
-    largest = max(tractions.max(initial=0.0), -tractions.min(initial=0.0))
+    measures, moments = sweeper.data.table.measures, sweeper.moments
+    sizes = np.maximum(moments.max(axis=(1, 2)), -moments.min(axis=(1, 2)))
+    largest = (sizes / measures).max(initial=0.0)
     return np.where(np.abs(forces) <= _ROUNDING * largest, 0.0, forces)
 
 

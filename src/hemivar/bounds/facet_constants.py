@@ -149,7 +149,7 @@ def _in_space(table: FacetTable, compliance: Array, facets: IntArray, kinds: tup
         own = own.copy()
         own[none], kind[none] = softest(compliance), room(table, facets[none], outer, kinds)
     top, height = np.array(KINDS)[kind].T
-    up = -(height * np.sqrt(2.0 * table.measures[facets]))[:, None] * table.normals[facets]
+    up = -(height * np.sqrt(2.0 * table.measures[facets]))[:, None] * table.normals_of(facets)
     on, off = np.flatnonzero(kind >= 0), np.flatnonzero(kind < 0)
     squares = np.empty(len(facets))
     squares[on] = prism_squares(kind[on], corners[on], up[on], own[on])

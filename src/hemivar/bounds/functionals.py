@@ -67,7 +67,7 @@ def work(data: BodyData, field: Array) -> float:
     gradient = np.einsum("mai,maj->mij", field[table.cells], table.gradients, optimize=True)
     inner = np.einsum("m,mij,mij->", table.volumes, data.stress, gradient, optimize=True)
     loads = np.einsum("mai,mai->", data.loads, field[table.cells])
-    return float(inner - loads - np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
+    return float(inner - loads - np.einsum("fai,fai->", data.outer_loads, field[table.facets[table.outer]]))
 
 
 def _summed(members: IntArray, local: Array, count: int) -> Array:
@@ -104,7 +104,7 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
         field = held + np.asarray(basis @ y).reshape(held.shape)
         rest = np.zeros(data.facet_loads.shape)
         rest[facets] = data.jump(field, facets) - jump[facets, None]
-        loose = np.eye(dim) - data.unknown[facets]
+        loose = np.eye(dim) - data.freed(facets)
         rest[facets] = np.einsum("fij,faj->fai", loose, rest[facets])
         rest[np.abs(rest) < _NONE] = 0.0
         found.append(Functional(axis, field, np.zeros(rest.shape), rest, _hindrance(goal, data, axis, field)))
@@ -153,12 +153,12 @@ def _hindrance(goal: Goal, data: BodyData, axis: int, field: Array) -> str:
     should = np.zeros((len(outer), table.dim))
     if goal.kind is GoalKind.CONTACT_FORCE:
         here = data.contact[outer] == _contact(goal, data.problem)[0]
-        if np.abs(np.einsum("fij,j->fi", data.unknown[outer], unit)[here]).max(initial=0.0) > _NONE:
+        if np.abs(np.einsum("fij,j->fi", data.freed(outer), unit)[here]).max(initial=0.0) > _NONE:
             return f"a support constrains contact '{goal.boundary}' along {'xyz'[axis]}, where force of both is one"
     else:
         own = table.numbers(data.problem.mesh.boundaries[goal.boundary])
         should[np.isin(outer, own)] = unit
-    off = np.einsum("fij,faj->fai", data.unknown[outer], field[table.facets[outer]] - should[:, None])
+    off = np.einsum("fij,faj->fai", data.freed(outer), field[table.facets[outer]] - should[:, None])
     if np.abs(off).max(initial=0.0) > _NONE:
         return f"support '{goal.boundary}' meets another one, whose force at their common end has no bound"
     return ""

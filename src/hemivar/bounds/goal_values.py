@@ -37,7 +37,6 @@ from hemivar.bounds.exact_distance import ExactDistance
 from hemivar.bounds.fenchel import exact_gap
 from hemivar.bounds.functionals import Functional, functionals, linear_forces, nodal_forces, strained, work
 from hemivar.bounds.goals import Goal
-from hemivar.bounds.sweeps import PatchSmoother
 from hemivar.bounds.touching_bodies import on_facets, refuse_touching
 from hemivar.bounds.trace_bounds import TraceBounds
 from hemivar.bounds.vertex_moments import shared_on_contact
@@ -262,7 +261,7 @@ def _answering(data: BodyData, field: Array, tractions: Array, contact: IntArray
     """The data of a field without loads but tractions, on contact facets that are given."""
     moved = data.moved(field)
     loads, varying = np.zeros(data.loads.shape), VaryingLoads.none(data.varying.missed)
-    return replace(moved, loads=loads, facet_loads=tractions, varying=varying, contact=contact)
+    return replace(moved, loads=loads, outer_loads=tractions[data.table.outer], varying=varying, contact=contact)
 
 
 def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
@@ -271,7 +270,8 @@ def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
     if traces is not None:
         own = replace(traces, data=data)
         pressures = own.on_facets(-own.moments(own.interpolated(shared_on_contact(data))))
-    return Sweeps.usual(data.table.dim).lower(PatchSmoother(admissible_stress(data, pressures)))
+    sweeps = Sweeps.usual(data.table.dim)
+    return sweeps.lower(sweeps.sweeper(admissible_stress(data, pressures)))
 
 
 # ---- second order --------------------------------------------------------------------------------------------------

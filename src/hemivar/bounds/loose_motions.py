@@ -79,7 +79,7 @@ def _tells(law: Superpotential) -> bool:
 def _planes(traces: ContactTraces) -> Array:
     """One number for all facets (k,) of a part, or of two that touch, in a plane with one contact normal."""
     table, normals = traces.data.table, traces.frames[:, 0, 0]
-    own, owners = table.normals[traces.facets], table.owners[traces.facets]
+    own, owners = table.normals_of(traces.facets), table.owners[traces.facets]
     points = table.mesh.points
     at = np.einsum("kd,kd->k", own, points[table.facets[traces.facets, 0]] - points.mean(axis=0))
     parts = np.where(owners >= 0, table.mesh.parts.cell[owners], -1)

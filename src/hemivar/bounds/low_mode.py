@@ -94,7 +94,7 @@ class SoftModes:
         at = field[table.cells]
         strain = np.einsum("mai,maj->mij", at, table.gradients)
         work = float(np.einsum("mai,mai->", data.loads, at))
-        work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
+        work += float(np.einsum("fai,fai->", data.outer_loads, field[table.facets[table.outer]]))
         work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
         work -= float(np.einsum("fai,fai->", traces.moments(zeta), data.jump(field, traces.facets)))
         return abs(work) + float(data.varying.unknown @ np.linalg.norm(field, axis=1))

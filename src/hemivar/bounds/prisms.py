@@ -262,7 +262,7 @@ def room(table: FacetTable, facets: IntArray, walls: IntArray, kinds: tuple[int,
     """
     corners = table.mesh.points[table.facets[facets]]
     barrier = Solids.simplices(table.mesh.points[table.facets[walls]])
-    up = -np.sqrt(2.0 * table.measures[facets])[:, None] * table.normals[facets]
+    up = -np.sqrt(2.0 * table.measures[facets])[:, None] * table.normals_of(facets)
     found = np.full(len(facets), -1)
     for kind in kinds:
         waiting, (top, height) = np.flatnonzero(found < 0), KINDS[kind]

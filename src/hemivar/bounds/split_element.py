@@ -90,21 +90,20 @@ def pulled_back(compliance: Array, jacobian: Array, size: Array) -> Array:
     return out
 
 
-def upper_pulled_back(compliance: Array, points: Array, cells: IntArray, jacobian: Array, size: Array) -> Array:
-    """Upper triangles (M, v (v + 1) / 2) of :func:`pulled_back`, row after row.
+def upper_pulled_back(compliance: Array, points: Array, cells: IntArray, size: Array) -> Array | None:
+    """Upper triangles (M, v (v + 1) / 2) of :func:`pulled_back`, row after row; None without kernels.
 
-    ``compliance`` is (M or 1, v, v); ``points`` is (N, d); ``cells`` is (M, d + 1), whose Jacobians are (M, d, d).
+    ``compliance`` is (M or 1, v, v); ``points`` is (N, d); ``cells`` is (M, d + 1).
     """
     library, (count, corners), number = kernels(), cells.shape, compliance.shape[-1]
-    rows, columns = np.triu_indices(number)
     if library is None:
-        return np.ascontiguousarray(pulled_back(compliance, jacobian, size)[:, rows, columns])
+        return None
     arrays = (
         given("compliance", compliance, (1 if len(compliance) == 1 else count, number, number)),
         given("points", points, (len(points), corners - 1)),
         numbers("cells", cells, (count, corners), len(points)),
         given("sizes", size, (count,)),
-        np.empty((count, len(rows))),
+        np.empty((count, number * (number + 1) // 2)),
     )
     library.check(library.call.hv_pull_back(corners - 1, count, len(compliance), *map(library.address, arrays)))
     return arrays[-1]

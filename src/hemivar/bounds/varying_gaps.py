@@ -82,7 +82,7 @@ def _range(data: BodyData, name: str, contact: Contact, facets: IntArray) -> Gap
     corners = np.einsum("pab,fbi->fpai", parts, table.mesh.points[table.facets[facets]]).reshape(-1, dim, dim)
     seen = np.vstack([np.eye(dim), 0.5 * (np.eye(dim)[pairs[:, 0]] + np.eye(dim)[pairs[:, 1]])])
     shapes = shape_values(data.order, seen @ parts)
-    moved = np.einsum("pqa,fai,fi->fpq", shapes, data.jump(data.displacement, facets), table.normals[facets])
+    moved = np.einsum("pqa,fai,fi->fpq", shapes, data.jump(data.displacement, facets), table.normals_of(facets))
     gap, off = _gap(name, contact, corners, seen)
     r = moved - gap.reshape(count, pieces, -1)
     ends, middles = r[..., :dim], r[..., dim:]

@@ -74,8 +74,8 @@ def shared_on_contact(data: BodyData, stated: Array | None = None) -> Array:
     if stated is not None:
         facets, found = np.flatnonzero(touched), np.zeros(stated.shape)
         own = data.cell_moments[data.table.owners[facets, 0], _sides(data)[facets, 0]]
-        given = (data.facet_loads + stated)[facets]
-        found[facets] = given + np.einsum("fij,faj->fai", data.unknown[facets], own - given)
+        given = data.loads_on(facets) + stated[facets]
+        found[facets] = given + np.einsum("fij,faj->fai", data.freed(facets), own - given)
         return found
     compiled = CompiledStars.of(data, _dear(data))
     if compiled is not None:
@@ -125,12 +125,12 @@ class _Unsettled:
         dear /= dear.sum(axis=1, keepdims=True)
         stars = _Stars.of(data, ease)
         own, (first, second) = data.cell_moments, table.owners.T  # of the stress of each cell, outward
-        inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
+        inside, outer = np.flatnonzero(table.interior), table.outer
         moments = np.array(own[first, sides[:, 0]])
         moments[inside] *= dear[inside, :1, None]
         moments[inside] -= dear[inside, 1:, None] * own[second[inside], sides[inside, 1]]
-        given = data.facet_loads[outer] + (0.0 if pressures is None else pressures[outer])
-        moments[outer] = given + np.einsum("fij,faj->fai", data.unknown[outer], moments[outer] - given)
+        given = data.outer_loads + (0.0 if pressures is None else pressures[outer])
+        moments[outer] = given + np.einsum("fij,faj->fai", data.freed(outer), moments[outer] - given)
         lack = data.forces - data.loads
         outward = table.of_cells(moments)
         for facet, nodes in enumerate(facet_vertices(dim, data.order)):
@@ -195,10 +195,10 @@ def _free_directions(data: BodyData, stars: _Stars) -> Array:
     """Projections (nodes, d, d) on the directions along which no facet at the node takes up a force."""
     if data.order == 1:
         return stars.free
-    dim, table = data.table.dim, data.table
+    dim = data.table.dim
     middle = np.zeros((len(data.displacement) - len(stars.free), dim, dim))
     loose = np.eye(dim) - data.unknown
-    loose[table.interior] = np.eye(dim)  # both sides know the moment: their sum has to vanish
+    loose[data.table.interior] = np.eye(dim)  # both sides know the moment: their sum has to vanish
     for nodes in (data.opposite, data.facet_nodes):
         middle[nodes[:, dim] - len(stars.free)] = loose
     return np.concatenate([stars.free, middle])

@@ -1,4 +1,4 @@
-"""Strains, stresses and nodal forces of linear elements by the compiled kernels; every array is checked."""
+"""Stresses and nodal forces of linear elements by the compiled kernels; every array is checked."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["cell_strains"]
 
 def cell_strains(
     displacement: Array, cells: IntArray, gradients: Array, size: Array, stiffness: Array
-) -> tuple[Array, Array, Array] | None:
+) -> tuple[Array, Array] | None:
     """Those of each cell; None where no kernels are compiled.
 
     Parameters
@@ -31,7 +31,7 @@ def cell_strains(
 
     Returns
     -------
-    strains, stresses : arrays, shape (M, d, d)
+    stresses : array, shape (M, d, d)
     forces : array, shape (M, d + 1, d)
         ``int_T C eps grad phi_a``.
 
@@ -45,7 +45,7 @@ def cell_strains(
         return None
     (nodes, dim), count, number = displacement.shape, len(cells), stiffness.shape[-1]
     matrices = 1 if len(stiffness) == 1 else count
-    out = np.empty((count, dim, dim)), np.empty((count, dim, dim)), np.empty((count, dim + 1, dim))
+    out = np.empty((count, dim, dim)), np.empty((count, dim + 1, dim))
     arrays = (
         given("displacement", displacement, (nodes, 3 if number == 6 else 2)),
         numbers("cells", cells, (count, dim + 1), nodes),
