@@ -142,7 +142,7 @@ class JoinedLaw(VectorLaw):
     nearest_multiplier = _by_points("nearest_multiplier")
     clamp = _by_points("clamp")
     local_argmin = _by_points("local_argmin")
-    downhill = _by_points("downhill")
+    local_minimiser = _by_points("local_minimiser")
     admissible = _by_points("admissible")
     recession = _by_points("recession")
     snap_to_kinks = _by_points("snap_to_kinks")
