@@ -155,8 +155,6 @@ class ContactLaw(NormalAndFriction):
         if self._compiled is not None:
             return self._compiled.graph_distance(r, lam, tau)
         normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
-        if self.by_differences:
-            normal = normal + self.derivative_error(r)
         if r.shape[1] == 1:
             return normal
         size, direction = polar(r[:, 1:])

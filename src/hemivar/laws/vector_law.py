@@ -402,15 +402,6 @@ class VectorLaw(PickleMixin, ABC):
         return False
 
     @property
-    def by_differences(self) -> bool:
-        """Whether a derivative is found by differences, so that :meth:`derivative_error` is not 0."""
-        return False
-
-    def derivative_error(self, r: Array) -> Array:
-        """What the multiplier of the law at ``r (m, c)`` may be off by, (m,): residuals include it."""
-        return np.zeros(len(r))
-
-    @property
     def follows_state(self) -> bool:
         """Whether Newton's equation can contain how a bound depends on the state."""
         return False

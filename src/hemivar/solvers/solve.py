@@ -20,7 +20,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.recession import Coercivity, decide
-from hemivar.discrete.residual import Residual, inaccurate_law
+from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.fem.stress_stiffness import stiffens
@@ -229,12 +229,7 @@ class _Task:
         return told_of_slides(found)
 
     def handed_on(self, solver: Solver, first: Solution, asked: bool) -> Generator[Progress, bool | None, Solution]:
-        """What other methods find where the first has failed; the best iterate of all where they fail as well.
-
-        Where the law is known no better than the iterate solves it, no other method can do more.
-        """
-        if inaccurate_law(self.problem, first.unknowns, first.multiplier, first.residual) is not None:
-            return first
+        """What other methods find where the first has failed; the best iterate of all where they fail as well."""
         failed, spent = [first], first.timings.get("iterate", 0.0)
         for other in self._others(solver, first, asked):
             try:
