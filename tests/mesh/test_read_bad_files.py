@@ -204,7 +204,7 @@ CASES = [
     ("unv", None, "    -1\n  2411\n", "its last dataset has no end"),
     ("unv", "        44 ", "        47 ", "cells of type 47 of universal files, which are not read"),
     ("unv", "  7         4\n", "  7         3\n", "an element of type 44 has 3 nodes in place of 4"),
-    ("unv", "         2\n         1         3\n", "         9\n         1         3\n", "element 3 ends before its 9 nodes"),
+    ("unv", "         2\n         1         3\n", "         9\n         1         3\n", "element 3 ends before its 9"),
     ("unv", "  2411", "  9911", "it holds no nodes \\(dataset 2411\\)"),
     ("unv", "3         4\n         3 ", "3         9\n         3 ", "an element refers to node 9"),
     ("unv", "0         1\nlow", "0        40\nlow", "a group of dataset 2467 says 40 members"),
