@@ -266,8 +266,8 @@ class StageSolver:
         def found() -> float:
             if self.condenses(stage.problem):
                 return self.workspace.condensed(stage.problem, many=True).body.softening(*alphas)
-            posed = stage.problem if law is stage.problem.law else stage.problem.with_(law=law)
-            return smallness(posed, trace_constant=False, workspace=self.workspace).constant
+            frozen = stage.problem if law is stage.problem.law else stage.problem.with_(law=law)
+            return smallness(frozen, trace_constant=False, workspace=self.workspace).constant
 
         return stage.operator.constants.once(tuple(np.asarray(alpha).tobytes() for alpha in alphas), found)
 
@@ -374,7 +374,7 @@ class StageSolver:
             return near
         if not isinstance(stage.problem.bulk, Quadratic) or isinstance(self.solver, LoadStepping):
             return None
-        method = None if self.solver is None else self.solver.downhill()
+        method = None if self.solver is None else self.solver.local_descent()
         try:
             found = solve(stage.problem, method, controls, initial=start, workspace=self.workspace)
         except ProblemError:  # an energy without a lower bound may have a local minimum
