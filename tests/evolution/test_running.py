@@ -190,11 +190,11 @@ def test_the_estimate_of_an_error_is_the_error() -> None:
     assert found.energy == pytest.approx(math.sqrt(KAPPA) * abs(exact - u1), rel=2e-3)
     assert found.slid == pytest.approx(abs(exact - u1), rel=2e-3)
     assert found.size == pytest.approx(math.sqrt(KAPPA) * u1, rel=1e-9)
-    assert found.way == pytest.approx(u1, rel=1e-12)
+    assert found.displacement == pytest.approx(u1, rel=1e-12)
     assert found.relative(2.0, 4.0) == (found.energy / 2.0, found.slid / 4.0)
     assert found.relative(0.0, 0.0) == (0.0, 0.0)
     shifted = step_error(advance, taken, origin + 0.25)
-    assert shifted.way == pytest.approx(0.25, abs=1.01 * u1)
+    assert shifted.displacement == pytest.approx(0.25, abs=1.01 * u1)
 
 
 def test_the_estimate_with_mass_is_half_the_distance_from_the_prediction() -> None:

@@ -77,7 +77,7 @@ def test_a_body_that_keeps_its_acceleration_is_where_it_was_expected(told: Told)
         fallen = body.local(start) - body.local(np.zeros(start.shape))
         np.testing.assert_allclose(fallen[:, 0], 2.0e-4, rtol=1e-7)
         np.testing.assert_allclose(np.abs(fallen[:, 1]), 0.3e-4, rtol=1e-7)
-        np.testing.assert_allclose(body.local(start), body.local(end - stage.place), atol=1e-9)
+        np.testing.assert_allclose(body.local(start), body.local(end - stage.prediction), atol=1e-9)
         assert np.count_nonzero(start) == body.unknown.size  # all else stays where the linear step starts from
 
 
@@ -88,7 +88,7 @@ def test_most_points_that_change_their_piece_are_foreseen_and_fewer_equations_so
     wrong = changed = 0
     before = None
     for (stage, body, start), end in zip(told.stages, ends(told, history), strict=True):
-        found = held(body, end - stage.place)
+        found = held(body, end - stage.prediction)
         if start is not None and before is not None:
             wrong += int(np.count_nonzero(held(body, start) != found))
             changed += int(np.count_nonzero(before != found))

@@ -125,7 +125,7 @@ def test_a_step_multiplies_by_each_matrix_once(law: str, others: bool, monkeypat
 def test_a_step_begins_with_the_forces_of_its_prediction(longer: float) -> None:
     advance, taken, _, _ = last(body("softening"), 12)
     stage = advance.take(taken[-1].state, longer * STEP).stages[0]
-    parts = forces(advance.discrete, stage.operator, stage.before, stage.place)
+    parts = forces(advance.discrete, stage.operator, stage.before, stage.prediction)
     parts.pop("inertial")  # none where the body is expected: see below
     size = sum(np.abs(part) for part in parts.values()) + np.abs(stage.load)
     rest = stage.problem.load - (stage.load - sum(parts.values()))
@@ -312,13 +312,13 @@ def test_a_far_start_ends_at_the_solution_or_is_given_up(seed: int) -> None:
 
 
 def test_where_a_step_may_have_several_solutions_the_way_to_it_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, look = [], stage_solver.way_bends_downwards
+    asked, look = [], stage_solver.path_bends_downwards
 
     def looked_at(*given: Any) -> bool:
         asked.append(look(*given))
         return asked[-1]
 
-    monkeypatch.setattr(stage_solver, "way_bends_downwards", looked_at)
+    monkeypatch.setattr(stage_solver, "path_bends_downwards", looked_at)
     law = hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
     problem = bodies.column(law, 1.0, top=hv.Fixed(y=lambda x, t: np.full(len(x), -t)))
     history = march(Evolution(problem), 0.05, step=0.01, save=NONE)
@@ -378,9 +378,9 @@ def test_no_force_of_inertia_acts_where_a_body_is_expected() -> None:
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls())
     taken = advance.take(initial_state(advance), STEP)
     stage = advance.take(taken.state, STEP).stages[0]
-    whole = forces(discrete, stage.operator, stage.before, stage.place)
+    whole = forces(discrete, stage.operator, stage.before, stage.prediction)
     size = float(np.abs(discrete.mass.times(taken.state.body.velocity / STEP)).max())  # type: ignore[union-attr]
-    np.testing.assert_allclose(whole["inertial"], np.zeros_like(stage.place), atol=1e-12 * size)
+    np.testing.assert_allclose(whole["inertial"], np.zeros_like(stage.prediction), atol=1e-12 * size)
 
 
 def test_softening_is_infinite_where_a_law_falls_off_a_cliff() -> None:
