@@ -36,10 +36,10 @@ def second_derivatives(graph: Graph, node: int, variables: Mapping[str, BoxVaria
     """
     first = next(iter(variables.values()))
     p, count = first.slope[0].shape
-    jets = {name: _Jet(mended(*one.value), mended(*one.slope), one.bend) for name, one in variables.items()}
+    jets = {name: _Jet(mended(*box.value), mended(*box.slope), box.bend) for name, box in variables.items()}
     with np.errstate(all="ignore"):
-        found = _through(graph, node, jets, p)
-    low, high = _filled(found.bend, p * (p + 1) // 2, count)
+        jet = _through(graph, node, jets, p)
+    low, high = _filled(jet.bend, p * (p + 1) // 2, count)
     return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
 
 
@@ -109,5 +109,5 @@ def enclosed_range(
         first_end, last_start = last.copy(), first.copy()
         first_end[rows, side] = last_start[rows, side] = cut
         boxes = (np.concatenate([first, last_start]), np.concatenate([first_end, last]))
-    places = (tuple(np.asarray(place).tolist()) for place in (least_at, largest_at))
+    places = (tuple(np.asarray(corner).tolist()) for corner in (least_at, largest_at))
     return EnclosedRange(lower, upper, least, largest, *places)

@@ -59,15 +59,15 @@ def pole_of_pieces(branches: Sequence[SmoothFormula], ends: Array, reach: float)
     Shapes: ``branches`` (k,), ``ends`` (k + 1,).
     """
     doubt = None
-    for i, place in enumerate(ends[1:-1].tolist()):
-        if not np.isfinite([branch(np.array(place)) for branch in branches[i : i + 2]]).all():
-            return Pole(place, True)
+    for i, end in enumerate(ends[1:-1].tolist()):
+        if not np.isfinite([branch(np.array(end)) for branch in branches[i : i + 2]]).all():
+            return Pole(end, True)
     for node in dict.fromkeys(branch.node for branch in branches):
         here = np.array([i for i, branch in enumerate(branches) if branch.node == node])
-        found = _pole(branches[here[0]], ends[here], ends[here + 1], reach)
-        if found is not None and found.sure:
-            return found
-        doubt = doubt or found
+        pole = _pole(branches[here[0]], ends[here], ends[here + 1], reach)
+        if pole is not None and pole.sure:
+            return pole
+        doubt = doubt or pole
     return doubt
 
 
@@ -77,7 +77,7 @@ def _pole(smooth: SmoothFormula, low: Array, high: Array, reach: float) -> Pole 
     left, right = parts_of(low, high, reach)
     nearest_last = np.argsort(-_distance(left, right), kind="stable")
     left, right = left[nearest_last], right[nearest_last]
-    found, looked_at = None, 0
+    pole, looked_at = None, 0
     while left.size:
         left, first = left[:-_AT_ONCE], left[-_AT_ONCE:]
         right, last = right[:-_AT_ONCE], right[-_AT_ONCE:]
@@ -89,16 +89,16 @@ def _pole(smooth: SmoothFormula, low: Array, high: Array, reach: float) -> Pole 
         small = (last - first <= narrow) | (middle <= first) | (middle >= last)
         inside = middle[small & (np.abs(middle[:, None] - corners).min(axis=1) > _TOUCHES * narrow)]
         if inside.size:
-            place = float(inside[np.argmin(np.abs(inside))])
-            found = Pole(place if abs(place) > _ZERO * reach else 0.0, True)
+            nearest = float(inside[np.argmin(np.abs(inside))])
+            pole = Pole(nearest if abs(nearest) > _ZERO * reach else 0.0, True)
         elif looked_at > _MOST_PARTS or (np.abs(middle) > _FARTHEST * reach).any():
-            return found or Pole(float(middle[0]), False)
+            return pole or Pole(float(middle[0]), False)
         first, middle, last = first[~small], middle[~small], last[~small]
         left, right = np.concatenate([left, first, middle]), np.concatenate([right, middle, last])
-        if found is not None:  # one that is nearer to zero may be left
-            nearer = _distance(left, right) < abs(found.place)
+        if pole is not None:  # one that is nearer to zero may be left
+            nearer = _distance(left, right) < abs(pole.place)
             left, right = left[nearer], right[nearer]
-    return found
+    return pole
 
 
 def _distance(low: Array, high: Array) -> Array:
@@ -139,6 +139,6 @@ def pole_in_box(
 def _in_all_branches(graph: Graph, node: int, names: Sequence[str], low: Array, high: Array) -> bool:
     """Whether every branch that holds in a corner of a box has a pole in it: else it may lie where another holds."""
     corners = np.array(np.meshgrid(*np.column_stack([low, high]), indexing="ij")).reshape(len(names), -1)
-    found = np.unique(graph.branches_at(node, dict(zip(names, corners, strict=True)))).tolist()
+    branches = np.unique(graph.branches_at(node, dict(zip(names, corners, strict=True)))).tolist()
     boxes = {name: (low[i : i + 1], high[i : i + 1]) for i, name in enumerate(names)}
-    return not any(without_pole(graph, branch, boxes)[0] for branch in found)
+    return not any(without_pole(graph, branch, boxes)[0] for branch in branches)

@@ -60,9 +60,9 @@ class Primitive:
         left, right = -np.cumsum(parts[:anchor][::-1])[::-1], np.cumsum(parts[anchor:])
         return cls(slope, ends, np.concatenate([left, [0.0], right]))
 
-    def through(self, place: float, value: float) -> Primitive:
+    def through(self, r: float, value: float) -> Primitive:
         """The integral that has this value at a place."""
-        return Primitive(self.slope, self.ends, self.sums + (value - float(self(np.array([place]))[0])))
+        return Primitive(self.slope, self.ends, self.sums + (value - float(self(np.array([r]))[0])))
 
     def __call__(self, r: Array) -> Array:
         """Values at ``r``, of its shape."""

@@ -61,8 +61,8 @@ def straightness(law: Superpotential, piece: IntArray) -> tuple[Array, BoolArray
         width = np.where(np.isfinite(high - low), high - low, size)
         end = np.where(np.isfinite(high - low), high, near + _FAR * size)
         places = (near, near + 0.41 * width, end)
-        found = np.array([np.broadcast_to(law.piece_curvature(piece, at), piece.shape) for at in places])
-        return found[1], np.asarray(np.ptp(found, axis=0) <= 1e-13 * np.abs(found).max(axis=0))
+        curvatures = np.array([np.broadcast_to(law.piece_curvature(piece, at), piece.shape) for at in places])
+        return curvatures[1], np.asarray(np.ptp(curvatures, axis=0) <= 1e-13 * np.abs(curvatures).max(axis=0))
 
 
 def is_straight(law: Superpotential) -> bool:
@@ -108,7 +108,7 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
 
     Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
     """
-    place, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
+    nearest, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
     knots = law.knots
     left, right = law.knot_slopes()
     low, high = np.minimum(left, right), np.maximum(left, right)
@@ -134,7 +134,7 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
         off = look(every, index)
         better = off < best
         best = np.where(better, off, best)
-        place = np.where(better, knots[0, index] if shared else knots[every, index], place)
+        nearest = np.where(better, knots[0, index] if shared else knots[every, index], nearest)
     reach = best * tau
     first, last = between(r - reach, r + reach)
     count = last - first
@@ -156,9 +156,9 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
             better = least < best[point:stop][some]
             rows, index = rows[chosen][better], index[chosen][better]
             best[rows] = least[better]
-            place[rows] = knots[0, index] if shared else knots[rows, index]
+            nearest[rows] = knots[0, index] if shared else knots[rows, index]
         point = stop
-    return place
+    return nearest
 
 
 def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[Array, Array, Array, Array]:
@@ -196,20 +196,20 @@ def steepest(law: Superpotential, rest: Array, sign: float, size: float) -> Arra
     """
     m = rest.size
     far = rest + sign * size
-    found = np.broadcast_to(law.recession(np.full(m, sign)), (m,)).astype(float)
+    slopes = np.broadcast_to(law.recession(np.full(m, sign)), (m,)).astype(float)
     with np.errstate(all="ignore"):
         for part in (0.0, *_SAMPLED):
             at = rest + sign * part * size
             ends = law.domain
             inside = (at >= ends.lower) & (at <= ends.upper)
             slope = sign * law.derivative(np.clip(at, ends.lower, ends.upper))
-            found = np.where(inside & (slope > found), slope, found)
+            slopes = np.where(inside & (slope > slopes), slope, slopes)
         left, right = law.knot_slopes()
         knots, left, right = (np.broadcast_to(a, (m, law.knots.shape[-1])) for a in (law.knots, left, right))
         onward = np.isfinite(knots) & (sign * (knots - rest[:, None]) >= 0.0)
         steepest = np.where(onward, np.maximum(sign * left, sign * right), -np.inf).max(axis=1, initial=-np.inf)
     ends_before = np.isfinite(far) & ((far > law.domain.upper) if sign > 0.0 else (far < law.domain.lower))
-    return np.where(ends_before, np.inf, np.maximum(found, steepest))
+    return np.where(ends_before, np.inf, np.maximum(slopes, steepest))
 
 
 def radial_sides(law: Superpotential, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
@@ -227,10 +227,10 @@ def radial_sides(law: Superpotential, r: Array, lam: Array, active: BoolArray, t
     outward = np.zeros((moving.size, d))
     outward[:, 1:] = r[moving, 1:] / size[moving, None]
     along = np.einsum("ki,ki->k", outward, lam[moving])
-    found = [still, Sides(moving, outward, along, *(values[moving] for values in radial))]
+    sides = [still, Sides(moving, outward, along, *(values[moving] for values in radial))]
     if d == 3:
         across = np.stack([np.zeros(moving.size), -outward[:, 2], outward[:, 1]], axis=1)
         turns = np.any((across != 0.0) & active[moving], axis=1)
         point, none, bend = moving[turns], np.zeros(int(turns.sum())), (along / size[moving])[turns]
-        found.append(Sides(point, across[turns], none, none, none, bend, bend))
-    return found
+        sides.append(Sides(point, across[turns], none, none, none, bend, bend))
+    return sides

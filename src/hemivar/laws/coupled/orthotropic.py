@@ -99,7 +99,7 @@ class OrthotropicLaw(NormalAndFriction):
         directed = [
             (law.friction.ratios, law._heading) if isinstance(law, OrthotropicLaw) else None for law, _ in parts
         ]
-        ratios, headings = zip(*(one or (np.ones(1), _FIRST) for one in directed), strict=True)
+        ratios, headings = zip(*(pair or (np.ones(1), _FIRST) for pair in directed), strict=True)
         counts = [count for _, count in parts]
         stacked = [
             np.concatenate([np.broadcast_to(v, (n, *v.shape[1:])) for v, n in zip(values, counts, strict=True)])

@@ -206,11 +206,11 @@ def _refined(r: Array, of: Callable[[Array], Array]) -> tuple[Array, Array]:
     left = np.arange(r.size - 1)
     while left.size and r.size + left.size <= _MOST_SAMPLES:
         middle = 0.5 * (r[left] + r[left + 1])
-        found = of(middle)
-        bent = np.abs(found - 0.5 * (values[left] + values[left + 1])) > _BENT * size
+        at_middle = of(middle)
+        bent = np.abs(at_middle - 0.5 * (values[left] + values[left + 1])) > _BENT * size
         bent &= r[left + 1] - r[left] > 1e-9 * np.abs(r[left]) + 1e-300
         new = left[bent]
-        r, values = np.insert(r, new + 1, middle[bent]), np.insert(values, new + 1, found[bent])
+        r, values = np.insert(r, new + 1, middle[bent]), np.insert(values, new + 1, at_middle[bent])
         left = np.concatenate([new, new + 1]) + np.tile(np.arange(new.size), 2)
         left.sort()
     return r, values
@@ -238,7 +238,7 @@ def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
         return []
     size = float(np.ptp(curvature))
     noise = 1e-4 * size + 1e-6 * float(np.abs(curvature).max()) + rounding
-    found, best, direction = [], 0, 0
+    turns, best, direction = [], 0, 0
     for i in range(1, r.size):
         change = curvature[i] - curvature[best]
         if direction == 0:
@@ -247,9 +247,9 @@ def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
         elif change * direction > 0.0:
             best = i
         elif abs(change) > noise:
-            found.append(float(r[best]))
+            turns.append(float(r[best]))
             direction, best = -direction, i
-    return found
+    return turns
 
 
 def FunctionLaw(  # noqa: N802 - a law, named as the others are

@@ -82,16 +82,16 @@ def numbers(
 
     ``state``: they are a state of the contact points, of which a rank may have none; others are never empty.
     """
-    found = np.atleast_1d(real_array(value, what))
-    if found.ndim != 1 or not (found.size or state):
-        raise ProblemError(f"{what} has shape {found.shape}; give a number, or one for each contact point")
-    if not (found > above).all():
+    values = np.atleast_1d(real_array(value, what))
+    if values.ndim != 1 or not (values.size or state):
+        raise ProblemError(f"{what} has shape {values.shape}; give a number, or one for each contact point")
+    if not (values > above).all():
         raise ProblemError(
-            f"{what} is {found.min():g}; it must be {'positive' if above == 0.0 else f'above {above:g}'}"
+            f"{what} is {values.min():g}; it must be {'positive' if above == 0.0 else f'above {above:g}'}"
         )
-    if not (found >= least).all():
-        raise ProblemError(f"{what} is {found.min():g}; it must be at least {least:g}")
-    return found
+    if not (values >= least).all():
+        raise ProblemError(f"{what} is {values.min():g}; it must be at least {least:g}")
+    return values
 
 
 def by_parts(
@@ -135,8 +135,8 @@ def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
     if isinstance(law, RescaledLaw) and not law.moved and (base := table_of(law.base)) is not None:
         if base.knots.shape[-1] > MANY and law.factor.size > 1:
             return None
-        found = base.scaled(law.factor)
-        return found if isinstance(found, PiecewiseQuadratic) else None
+        table = base.scaled(law.factor)
+        return table if isinstance(table, PiecewiseQuadratic) else None
     return None
 
 
@@ -170,8 +170,8 @@ def merged(candidates: Array) -> Array:
 def count_knots(knots: Array, places: Array, *, including: bool) -> IntArray:
     """How many knots (m or 1, K) lie below each place (m, n); with ``including``, or at it."""
     if knots.shape[0] == 1:
-        found = np.searchsorted(knots[0], places, side="right" if including else "left")
-        return np.asarray(found, dtype=np.int64)
+        passed = np.searchsorted(knots[0], places, side="right" if including else "left")
+        return np.asarray(passed, dtype=np.int64)
     rows = np.broadcast_shapes(knots.shape[:1], places.shape[:1])
     count = np.zeros((*rows, places.shape[-1]), dtype=np.int64)
     for k in range(knots.shape[-1]):

@@ -90,9 +90,9 @@ def turns(terms: Sequence[Superpotential], knots: Array, maps: Sequence[IntArray
         if not mixed.size:
             continue
         some = [taken(term, mixed) for term in terms]
-        found = _turns_of(some, [piece[mixed] for piece in pieces], low[mixed], high[mixed])
-        wide = np.full((rows, found.shape[-1]), np.inf)
-        wide[mixed] = found
+        places = _turns_of(some, [piece[mixed] for piece in pieces], low[mixed], high[mixed])
+        wide = np.full((rows, places.shape[-1]), np.inf)
+        wide[mixed] = places
         columns.append(wide)
     return np.concatenate(columns, axis=-1) if columns else None
 
@@ -103,14 +103,14 @@ def _turns_of(terms: Sequence[Superpotential], pieces: Sequence[IntArray], low: 
     rise = np.diff(values, axis=-1)
     noise = max(_noise(term) for term in terms)
     rise = np.where(np.abs(rise) <= noise * np.abs(values).max(axis=-1, keepdims=True), 0.0, rise)
-    found = np.full((low.size, 0), np.inf)
+    places = np.full((low.size, 0), np.inf)
     for i in range(1, rise.shape[-1]):
         turned = rise[:, i - 1] * rise[:, i] < 0.0
         if turned.any():
             sign = np.sign(rise[:, i - 1])
-            place = _extremum(terms, pieces, grid[:, i - 1], grid[:, i + 1], sign)
-            found = np.concatenate([found, np.where(turned, place, np.inf)[:, None]], axis=-1)
-    return found
+            turn = _extremum(terms, pieces, grid[:, i - 1], grid[:, i + 1], sign)
+            places = np.concatenate([places, np.where(turned, turn, np.inf)[:, None]], axis=-1)
+    return places
 
 
 def _extremum(
