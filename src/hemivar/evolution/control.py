@@ -455,24 +455,24 @@ class ControlledStepper(TimeStepper):
         taken = self._balanced(self._ended(before, [solved], step, time, self.data.at(factor)), [solved])
         if frozen is None or pair is None or taken.status is not Status.CONVERGED:
             return taken
-        spent, ledger, gone = frozen.spent(pair), taken.moment.ledger, abs(pair.factor - self.span[0])
+        spent, ledger, gone = frozen.spent(pair), taken.state.ledger, abs(pair.factor - self.span[0])
         given = _is_step(pair.factor - known.factor, step)
         if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory, given):
             return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
         largest = max(known.largest, gone)
         # At the first step the body is elastic: what it stores of the growth alone is a square of the factor.
-        pace = known.pace / known.largest if known.pace else 2.0 * self._stored(before, taken.moment) / gone**2
+        pace = known.pace / known.largest if known.pace else 2.0 * self._stored(before, taken.state) / gone**2
         control = LoadControl(
             pair.factor,
             pace * largest,
             largest,
-            max(known.carried, self._carried(taken.moment)),
+            max(known.carried, self._carried(taken.state)),
             step,
             pair.factor - known.factor,
             spent,
             *frozen.way(pair)[:2],
         )
-        return replace(taken, moment=replace(taken.moment, control=control))
+        return replace(taken, state=replace(taken.state, control=control))
 
     def _stored(self, before: TimeState, after: TimeState) -> float:
         """Energy of the change from one state to another, as if it were alone."""

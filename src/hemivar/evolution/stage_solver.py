@@ -98,7 +98,7 @@ class JumpPaths:
     def follow(
         self, stage: Stage, convexity_defect: float, jump: SelectionRule, solver: Solver | None, controls: Controls
     ) -> StageSolution:
-        """The solution of a stage, at the end of the path from the moment before it."""
+        """The solution of a stage, at the end of the path from the state before it."""
         problem, before = stage.problem, stage.before
         system = self.workspace.condensed(problem)
         if system.free.size > _LARGEST:

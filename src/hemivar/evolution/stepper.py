@@ -82,7 +82,7 @@ class StepResult:
     """A step that was taken."""
 
     before: TimeState
-    moment: TimeState
+    state: TimeState
     step: float
     solutions: tuple[Solution, ...]
     stages: tuple[Stage, ...]
@@ -221,7 +221,7 @@ class TimeStepper:
 
     def _balanced(self, taken: StepResult, solved: list[SolvedStage]) -> StepResult:
         """A step, not solved if its balance of energy does not close to what the residual allows."""
-        before, state, rtol = taken.before, taken.moment, self.controls.rtol
+        before, state, rtol = taken.before, taken.state, self.controls.rtol
         gap, work = (abs(getattr(state.ledger, name) - getattr(before.ledger, name)) for name in ("gap", "work"))
         least = max(rounding_of(state.ledger), rtol * work)  # no more than what is allowed
         if gap <= least or taken.status is not Status.CONVERGED or not self.discrete.vectors.alone:
