@@ -16,17 +16,16 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.formula.enclosure import enclosed, tail, without_pole
 from hemivar.formula.graph import Graph
 
-__all__ = ["WIDE", "SmoothFormula", "Supremum", "graded", "inner_place", "parts_of", "supremum_of_pieces"]
+__all__ = ["MOST_PARTS", "WIDE", "SmoothFormula", "Supremum", "graded", "inner_place", "parts_of", "supremum_of_pieces"]
 
 #: How much farther than the reach zeros are found of functions that are linear.
 WIDE = 1e6
 #: Parts of an interval that are looked at at once, and nodes times parts in all, for one question.
-_MOST_PARTS = 20_000
+MOST_PARTS = 20_000
 _MOST_WORK = 3e6
 #: Bounds that are wider than those of one value by this factor at most are owed to rounding.
 _NOISE = 4.0
-#: Intervals up to which each is cut in graded parts, and how often these grow by 4.
-_FEW = 20
+#: How often graded parts grow by 4: from 5e-17 of an interval on.
 _GRADES = 27
 #: Parts that cost as much as the call itself.
 _OVERHEAD = 500
@@ -121,7 +120,7 @@ class SmoothFormula:
         size = self.graph.size(self.node) + self.graph.size(slope.node)
         while low.size:
             self.graph.work += (low.size + _OVERHEAD) * size
-            if low.size > _MOST_PARTS or self.graph.work > most:
+            if low.size > MOST_PARTS or self.graph.work > most:
                 break
             below, above = self.enclosed(low, high)
             here = (below <= 0.0) & (above >= 0.0)
@@ -230,7 +229,7 @@ class SmoothFormula:
             middle = inner_place(left, right, reach)
             small = np.maximum(1e-13 * np.maximum(np.abs(left), np.abs(right)), 1e-18 * reach)
             stuck = (middle <= left) | (middle >= right) | (np.abs(middle) > 1e9 * reach) | (right - left <= small)
-            if left.size > _MOST_PARTS or self.graph.work > _MOST_WORK:
+            if left.size > MOST_PARTS or self.graph.work > _MOST_WORK:
                 stuck[:] = True
                 done = max(done, float(waiting[2].max(initial=-np.inf)))
                 waiting = (np.zeros(0), np.zeros(0), np.zeros(0))
@@ -260,7 +259,7 @@ class SmoothFormula:
 
 def graded(low: Array, high: Array) -> tuple[Array, Array]:
     """The intervals ``[low, high]``, arrays (k,), in parts that grow with the distance to zero and to their ends."""
-    if low.size > _FEW:
+    if low.size > 20:  # many are narrow themselves
         return low, high
     left, right = [low[:0]], [high[:0]]
     for a, b in zip(low.tolist(), high.tolist(), strict=True):

@@ -27,9 +27,9 @@ from hemivar.laws.vector_law import Chart, OnGraph
 
 __all__ = ["ContactChart", "GraphTables"]
 
-#: Steps towards a place on a piece that is not straight, and the part of it up to which the last one is exact: what it
-#: misses is of second order.
-_STEPS, _EXACT = 100, 1e-7
+#: A Newton step on a curved piece is the last one if it is no longer than this part of the place: what it misses is of
+#: second order, 1e-14 of it.
+_EXACT = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ class _Curved:
         """
         row = np.minimum(piece, len(self.lower) - 1) * piece.size + self.number
         low, high = self.lower.take(row), self.upper.take(row)
-        steps = _STEPS if near is None else 1
+        steps = 100 if near is None else 1  # halving alone is through after 64
         if near is None:
             at = self._begin(row, a, p, low, high)
         elif (inside := still | ((near > low) & (near < high))).all():

@@ -5,6 +5,8 @@ They follow from the pieces of a law alone; :class:`~hemivar.laws.Superpotential
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +19,9 @@ if TYPE_CHECKING:
 __all__ = [
     "AT_ONCE",
     "FAR",
+    "MANY",
     "convex_part",
+    "golden_section",
     "knot_forces",
     "local_argmin",
     "local_minimisers",
@@ -26,11 +30,12 @@ __all__ = [
 
 #: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
 FAR = 1e8
+#: Knots from which on they are searched by bisection, and not gone through.
+MANY = 40
 #: Points times knots that are looked at at once.
 AT_ONCE = 1 << 18
-#: Places on each side of zero at which a minimiser that no piece holds is looked for, and how its part shrinks.
+#: Places on each side of zero at which a minimiser that no piece holds is looked for.
 _PLACES = 600
-_GOLDEN = 0.6180339887498949
 #: What rounding leaves of a force that is the sum of others.
 _NO_FORCE = float(np.finfo(float).eps)
 
@@ -146,13 +151,19 @@ def _bounded(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     best = np.argmin([energy(at) for at in places], axis=0)
     rows = np.arange(best.size)
     low, high = (places[np.clip(best + side, 0, len(places) - 1), rows] for side in (-1, 1))
-    for _ in range(80):
-        first, second = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    out = r.copy()
+    out[lost] = golden_section(energy, low, high)
+    return out
+
+
+def golden_section(energy: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Where functions are least between ``low`` and ``high``, to rounding if they have one minimum there."""
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    for _ in range(60):
+        first, second = high - golden * (high - low), low + golden * (high - low)
         lower = energy(first) <= energy(second)
         low, high = np.where(lower, low, first), np.where(lower, second, high)
-    out = r.copy()
-    out[lost] = 0.5 * (low + high)
-    return out
+    return np.asarray(0.5 * (low + high))
 
 
 def _argmin(law: Superpotential, a: Array, b: Array) -> Array:

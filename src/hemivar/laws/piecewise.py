@@ -14,13 +14,11 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.superpotential import Interval, Superpotential, entry
 
 __all__ = ["PiecewiseQuadratic", "TabulatedLaw"]
-
-#: Knots up to which slopes that cancel are told one by one.
-_FEW = 40
 
 
 class TabulatedLaw(Superpotential):
@@ -338,7 +336,7 @@ class PiecewiseQuadratic(TabulatedLaw):
 def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Array, Array]:
     """j' to the left and to the right of each knot, (m, K) each."""
     width, count = np.diff(knots, axis=-1), knots.shape[-1]
-    if count > _FEW:  # sums in the order of the knots: jump, rise, jump, rise, ...
+    if count > MANY:  # sums in the order of the knots: jump, rise, jump, rise, ...
         steps = np.empty((*knots.shape[:-1], 2 * count))
         steps[..., 0], steps[..., 1::2], steps[..., 2::2] = start, jumps, slopes[..., 1:-1] * width
         reached = np.cumsum(steps, axis=-1)

@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.minimisers import AT_ONCE
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
@@ -25,11 +26,7 @@ __all__ = [
     "straightness",
 ]
 
-#: Pairs of a point and a knot that are looked at together.
-_PAIRS = 1 << 20
-#: Derivatives of a law below this share of its largest one at a knot are rounding.
-_SLOPE_NOISE = 1e-12
-#: Part of a force that it may jump by and count as continuous: rounding.
+#: Part of the largest force that is rounding: 4500 roundings.
 _ROUNDED = 1e-12
 #: Parts of a way at which a law is looked at.
 _SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
@@ -96,7 +93,7 @@ def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
         # A slope that is rounding of the law leads to no minimiser: r is next to one all the same.
         steep = np.maximum(np.where(go_right, -falling, 0.0), np.where(go_left, rising, 0.0))
         slopes = np.abs(np.concatenate([side.ravel() for side in law.knot_slopes()]))
-        noise = _SLOPE_NOISE * slopes.max(initial=0.0, where=np.isfinite(slopes))
+        noise = _ROUNDED * slopes.max(initial=0.0, where=np.isfinite(slopes))
         far = np.where(valid, np.abs(points - r[..., None]), np.inf)
         near = np.take_along_axis(points, far.argmin(axis=-1)[..., None], axis=-1)[..., 0]
         target = np.where(~np.isfinite(target) & (steep <= noise) & np.isfinite(far.min(axis=-1)), near, target)
@@ -142,7 +139,7 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
     point = 0
     while point < r.size:
         check_time()
-        stop = max(int(np.searchsorted(starts, starts[point] + _PAIRS, side="right")) - 1, point + 1)
+        stop = max(int(np.searchsorted(starts, starts[point] + AT_ONCE, side="right")) - 1, point + 1)
         rows = np.repeat(every[point:stop], count[point:stop])
         begins = starts[point:stop] - starts[point]
         index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])

@@ -23,12 +23,9 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import minimisers
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.description import LawDescription, describe
-from hemivar.laws.minimisers import AT_ONCE, FAR
+from hemivar.laws.minimisers import AT_ONCE, FAR, MANY
 
 __all__ = ["Interval", "Superpotential", "entry"]
-
-#: Knots from which on they are many.
-_MANY = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +217,7 @@ class Superpotential(PickleMixin, ABC):
     def searched(self) -> int:
         """Number of knots if they are many, in a row for all points, and found by bisection; else 0."""
         knots = self.knots
-        return knots.shape[-1] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else 0
+        return knots.shape[-1] if knots.shape[0] == 1 and knots.shape[-1] > MANY else 0
 
     @property
     def width(self) -> int:

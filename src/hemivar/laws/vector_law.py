@@ -18,8 +18,8 @@ from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "spread"]
 
-#: Steps of a local minimiser at most, and the part of a displacement that is rounding.
-_STEPS, _SAME = 400, 1e-15
+#: Part of a displacement that is rounding: four or five roundings.
+_SAME = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -445,7 +445,7 @@ class VectorLaw(PickleMixin, ABC):
         """
         alphas = np.stack([np.broadcast_to(alpha, (len(r),)) for alpha in self.weak_convexity], axis=1)
         more = np.where(a > alphas, 0.0, 2.0 * alphas - a)
-        for _ in range(_STEPS):
+        for _ in range(400):
             last, r = r, self.local_argmin(a + more, b + spread(more, r.shape[1]) * r)
             if (np.abs(r - last) <= _SAME * np.abs(r)).all() or not more.any():
                 break

@@ -21,8 +21,6 @@ __all__ = ["LawError", "LawReport", "Questions", "check_graph", "check_vector_la
 
 #: Places and local problems that are tried; lines and columns of the grid on which minimisers are looked for.
 _PLACES, _PROBLEMS, _GRID = 400, 60, 161
-#: Directions of slip in which a law is looked at far away; places around a minimiser.
-_TURNS, _AROUND = 361, 400
 
 
 class LawError(ConformanceError):
@@ -262,7 +260,7 @@ class Questions:
         energy = self._energy(r)
         if not np.isfinite(energy).all():
             return "it is not finite"
-        for _ in range(_AROUND if self.line is None else 0):
+        for _ in range(_PLACES if self.line is None else 0):
             beside = r + self.random.normal(size=r.shape) * 10.0 ** self.random.uniform(-6.0, 0.0) * self.reach
             beside[:, 0] = np.clip(beside[:, 0], self.law.penetrations.lower, self.law.penetrations.upper)
             lower = energy - self._energy(beside)
@@ -345,7 +343,7 @@ class Questions:
         for rate, direction in ((up, 1.0), (down, -1.0), (slip, 0.0)):
             if not direction and self.c == 1:
                 continue
-            turn = np.linspace(0.0, np.pi, _TURNS) if self.c == 3 and not direction else np.zeros(1)
+            turn = np.linspace(0.0, np.pi, 361) if self.c == 3 and not direction else np.zeros(1)
             ways = np.zeros((turn.size, self.c))
             ways[:, 0 if direction else 1] = direction or np.cos(turn)
             if turn.size > 1:

@@ -20,8 +20,6 @@ from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar, sp
 
 __all__ = ["FrictionBeside"]
 
-#: Steps of the search for the secant stiffness, and times that its upper end is doubled before it.
-_STEPS, _DOUBLINGS = 100, 60
 #: Part of a slip, and of a stiffness, that is rounding.
 _ROUNDED = 4.0 * float(np.finfo(float).eps)
 
@@ -202,14 +200,14 @@ class _Rubbed:
         stiffness = np.abs(self.law.base.linearise(np.zeros(self.b.shape)).hessian[:, 1, 1])
         high = low + np.maximum(stiffness, low)
         above, below = self._excess(low), self._excess(high)
-        for _ in range(_DOUBLINGS):
+        for _ in range(60):
             if not (below > 0.0).any():
                 break
             high = np.where(below > 0.0, 2.0 * high, high)
             below = self._excess(high)
         root = np.where(above == 0.0, low, high)
         open_: BoolArray = (above != 0.0) & (below != 0.0)
-        for number in range(_STEPS):
+        for number in range(100):  # halving every third time, it is through before
             if not open_.any():
                 break
             m = high + (high - low) * below / np.where(open_, above - below, 1.0)

@@ -16,8 +16,6 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["SearchedPotential", "descend"]
 
-#: Newton steps and halvings of each, at most; and halvings of a step that is too small for energies to tell.
-_STEPS, _HALVINGS, _SMALL = 100, 40, 2
 #: Part of the predicted fall that a step must reach, and roundings in an energy.
 _ARMIJO, _ROUNDING = 1e-4, 64.0 * float(np.finfo(float).eps)
 #: Least curvature, as a part of the largest.
@@ -104,7 +102,7 @@ def descend(law: SearchedPotential, a: Array, b: Array, x: Array) -> Array:
     """
     x = np.array(x, dtype=float)
     going = np.arange(len(x))
-    for _ in range(_STEPS):
+    for _ in range(100):
         if not going.size:
             break
         some, here = _Problems(law, a[going], b[going]), x[going]
@@ -125,7 +123,7 @@ def _searched(some: _Problems, x: Array, g: Array, direction: Array) -> tuple[Ar
     new, taken = x.copy(), np.zeros(len(x), dtype=bool)
     open_ = np.arange(len(x))
     part = 1.0
-    for halving in range(_HALVINGS):
+    for halving in range(40):
         left = some.take(open_)
         at = _moved(some.law, x[open_], part * direction[open_])
         fall = (g[open_] * (at - x[open_])).sum(axis=1)
@@ -139,7 +137,7 @@ def _searched(some: _Problems, x: Array, g: Array, direction: Array) -> tuple[Ar
         good &= np.isfinite(energy) & (at != x[open_]).any(axis=1)
         new[open_[good]] = at[good]
         taken[open_[good]] = True
-        open_ = open_[~good & ~(near & (halving >= _SMALL))]
+        open_ = open_[~good & ~(near & (halving > 1))]  # halving what energies do not tell helps no more
         if not open_.size:
             break
         part *= 0.5

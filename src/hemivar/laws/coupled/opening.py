@@ -22,9 +22,6 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["OpeningProblem", "rising_roots"]
 
-#: Steps of Newton's method, at most: its iterates rise to the root; and of the bracketed one.
-_SECULAR, _BRACKETED = 100, 120
-
 
 @dataclass(frozen=True, eq=False)
 class OpeningProblem:
@@ -55,7 +52,7 @@ class OpeningProblem:
     def secant(self, rho: Array) -> Array:
         """m >= 0 of ``rho (n, k)``; 0 where rho is beyond that of m = 0."""
         m, target = np.zeros(rho.shape), 1.0 / rho
-        for _ in range(_SECULAR):
+        for _ in range(100):
             now, w, s = self._both(m)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 # 1/rho(m) is concave: Newton's iterates from the left rise to the root
@@ -161,7 +158,7 @@ def rising_roots(value: Callable[[Array], tuple[Array, Array, Array]], low: Arra
     """
     eps = np.finfo(float).eps
     m = 0.5 * (low + high)
-    for _ in range(_BRACKETED):
+    for _ in range(120):  # halving alone is through after 64
         u, rate, size = value(m)
         low, high = np.where(u <= 0.0, m, low), np.where(u <= 0.0, high, m)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -28,8 +28,6 @@ from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths
 
 __all__ = ["OrthotropicLaw", "bounded"]
 
-#: Steps of Newton's method for the projection on an ellipse, at most.
-_STEPS = 60
 #: Part of an axis along the surface below which it has no direction there.
 _UPRIGHT = 1e-6
 #: The first tangential component.
@@ -148,7 +146,7 @@ class OrthotropicLaw(NormalAndFriction):
         x, f = own / scale, half / scale  # half axes of order 1
         theta = np.zeros((len(z), 1))
         outside = (largest[:, 0] > 0.0) & (lengths(x / np.where(f > 0.0, f, 1.0)) > 1.0)
-        for _ in range(_STEPS):
+        for _ in range(60):
             part = x * f / np.where(outside[:, None], f**2 + theta, 1.0)
             size = np.maximum(lengths(part), np.finfo(float).tiny)[:, None]
             slope = ((part / size) ** 2 / np.where(outside[:, None], f**2 + theta, 1.0)).sum(

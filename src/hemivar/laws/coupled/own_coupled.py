@@ -22,6 +22,7 @@ from hemivar.laws.coupled.plane_bounds import (
 )
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
 from hemivar.laws.crossings import length_places
+from hemivar.laws.minimisers import AT_ONCE
 from hemivar.laws.parameters import checked_reach
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, VectorLaw, polar
@@ -32,8 +33,6 @@ __all__ = ["OwnCoupledLaw"]
 _NOTHING = 1e-40
 #: Lines of the grid on which the minimisers of a local problem are looked for, to either side, and starts taken of it.
 _GRID, _STARTS = 70, 8
-#: Local problems that are looked at together.
-_TOGETHER = 200
 #: Lengths, as parts of the reach, at which growth far away is looked at.
 _FAR = (1e4, 1e6, 1e8)
 
@@ -268,8 +267,9 @@ class OwnCoupledLaw(VectorLaw):
         sure = (flat > 1.000001 * np.array([normal, tangential])).all(axis=1)
         sure &= (np.abs(x) <= self.reach).all(axis=1)  # elsewhere nothing is known of the convexity
         rows = np.flatnonzero(~sure)
-        for start in range(0, rows.size, _TOGETHER):
-            some = rows[start : start + _TOGETHER]
+        together = max(1, AT_ONCE // self._grid[2].size)
+        for start in range(0, rows.size, together):
+            some = rows[start : start + together]
             x[some] = self._searched(flat[some], force[some], x[some])
         return self._vector(x, heading)
 

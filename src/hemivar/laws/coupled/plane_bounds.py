@@ -21,8 +21,8 @@ from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotentia
 
 __all__ = ["best_ratio", "check_plane_potential", "least_eigenvalues", "proved_alpha", "sample_places", "tiny"]
 
-#: Places on every line that is looked at, and lines; halvings of the parts whose gradient changes most.
-_PLACES, _LINES, _HALVINGS = 240, 13, 44
+#: Places on every line that is looked at, and lines.
+_PLACES, _LINES = 240, 13
 #: Parts of each line that are halved.
 _LOOKED = 24
 #: How far a rise may differ from the integral of the slope: of the rise there, and of the largest slope.
@@ -127,7 +127,7 @@ def _check_line(f: PlanePotential, places: Array, reach: float, size: float) -> 
     low, high = (np.stack(f.gradient(x[:, 0], x[:, 1]), axis=1) for x in (start, end))
     looked = np.argsort(-np.abs(high - low).max(axis=1))[:_LOOKED]
     first, last, low, high = start[looked], end[looked], low[looked], high[looked]
-    for _ in range(_HALVINGS):
+    for _ in range(44):  # the ends of a part are 1e-16 of the reach apart then
         middle = 0.5 * (first + last)
         at_middle = np.stack(f.gradient(middle[:, 0], middle[:, 1]), axis=1)
         left = (np.abs(at_middle - low).max(axis=1) >= np.abs(high - at_middle).max(axis=1))[:, None]

@@ -35,9 +35,6 @@ from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["PlasticBond"]
 
-#: Halvings of the way of a step on which a bond breaks.
-_HALVINGS = 60
-
 
 @dataclass(frozen=True, eq=False)
 class PlasticBond(Memory):
@@ -174,7 +171,7 @@ class PlasticBond(Memory):
     def _at_break(self, state: MemoryState, start: Array, end: Array) -> Array:
         """Where on the way the energy of bonds reaches that of a break, (m, c)."""
         low, high = np.zeros((len(end), 1)), np.ones((len(end), 1))
-        for _ in range(_HALVINGS):
+        for _ in range(60):  # to rounding
             middle = 0.5 * (low + high)
             bonded = self._bonded(state, start + middle * (end - start))[:, None]
             low, high = np.where(bonded, middle, low), np.where(bonded, high, middle)

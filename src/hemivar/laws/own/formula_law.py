@@ -16,7 +16,7 @@ from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula.formula import ScalarFormula
-from hemivar.formula.poles import Pole, pole_of_pieces
+from hemivar.formula.poles import NARROW, NARROWEST, Pole, pole_of_pieces
 from hemivar.formula.primitive import Primitive
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
@@ -29,15 +29,11 @@ __all__ = ["FORMULA", "FormulaLaw"]
 _MOST_KNOTS = 1000
 #: Turns nearer to zero than this part of the reach are distinguished as if they were as far.
 _FINEST = 1e-6
-#: Turns nearer to zero than this part of the reach lie at zero.
-_ZERO = 1e-18
 #: Turns in a decade beyond the reach, and work on it, up to which they are taken.
 _FEW_FAR = 20
 _FAR_WORK = 2e6
 #: How much farther than the reach a potential is integrated to rounding; beyond over parts that double.
 _FAR_INTEGRAL = 1e3
-#: A pole nearer to a turn than this part of its distance to zero is the turn itself.
-_NEAR = 1e-13
 _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 
 
@@ -178,9 +174,9 @@ class _FormulaLaw(OwnLaw):
         sides = [sign for sign, far in ((-1.0, low), (1.0, high)) if np.isinf(far).any()]
         taken = [inner, third.sign_changes(*rest), *_beyond(third, reach, sides)]
         turns = np.concatenate(taken)
-        near = _NEAR * np.abs(turns)
+        near = NARROW * np.abs(turns)
         turns = turns[third.without_pole(turns - near, turns + near)]  # a sign that changes through a pole is no turn
-        return np.where(np.abs(turns) > _ZERO * reach, turns, 0.0), not rest[0].size
+        return np.where(np.abs(turns) > NARROWEST * reach, turns, 0.0), not rest[0].size
 
     def _pieces_within(self, within: float) -> tuple[Array, list[SmoothFormula]]:
         """Ends of the pieces between switches up to |r| = ``within``, and the functions on them."""

@@ -10,12 +10,12 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import row
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.transformed_law import (
-    MANY,
     LawOfOne,
     by_parts,
     check_law,

@@ -14,11 +14,12 @@ import numpy as np
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.transformed_law import MANY, count_knots, falls_between, lines, merged, pick, table_of
+from hemivar.laws.transformed.transformed_law import count_knots, falls_between, lines, merged, pick, table_of
 from hemivar.laws.transformed.turns import steepest_fall
 
 #: What j' is below and above knots (m, K), given these and what rounding makes of it.

@@ -14,7 +14,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.minimisers import FAR
+from hemivar.laws.minimisers import FAR, MANY
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import RescaledLaw, ResolvedLaw
@@ -22,7 +22,6 @@ from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
-    "MANY",
     "LawOfOne",
     "as_examined",
     "by_parts",
@@ -38,9 +37,6 @@ __all__ = [
 
 #: The kind of number that columns hold.
 Entry = TypeVar("Entry", bound=np.generic)
-
-#: Knots from which on a table is not copied for each contact point.
-MANY = 40
 
 
 class LawOfOne(ResolvedLaw):
