@@ -68,7 +68,7 @@ def check_points(
         ]
     broken = [(int(np.argmax(bad)), words) for bad, words in rules if bad.any()]
     if broken:
-        i, words = min(broken, key=lambda one: one[0])
+        i, words = min(broken, key=lambda fault: fault[0])
         raise ProblemError(f"{where}, row {i + 1}: {words(i)}")
     return x, y
 
