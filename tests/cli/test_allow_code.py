@@ -133,6 +133,15 @@ def test_a_law_is_identified_with_permission() -> None:
     assert (found.key, found.middle) == (KEY, 10.0)
 
 
+def test_a_law_is_shown_with_permission(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["laws", "two_springs:TwoSprings"]) == 2
+    assert REFUSED in capsys.readouterr().err
+    assert cli.main(["laws", "two_springs:TwoSprings", "--set", "first=5", "--allow-code", "./two_springs.py"]) == 0
+    shown = capsys.readouterr().out
+    assert "stiffness of the first spring [force/area/length], positive" in shown
+    assert 'normal = { law = "two_springs:TwoSprings", first = ... }' in shown
+
+
 def test_the_studio_follows_the_same_rule() -> None:
     text = Path("p.toml").read_text()
 
