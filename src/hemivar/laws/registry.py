@@ -1,21 +1,26 @@
 """The laws by name: one table for problem files, for the list of laws, and for whoever adds a law.
 
-The parameters of a law are those that its class or function states; see :mod:`hemivar.basics.stated`.
+The parameters of a law are those that its class or function states; see :mod:`hemivar.basics.stated`.  Beside the
+library's own names stand classes of the user's, see :mod:`hemivar.basics.user_code`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import StrEnum
-from functools import partial
+from functools import cache, partial
+from inspect import Parameter as Taken
+from inspect import Signature, cleandoc, isabstract, signature
 from pathlib import Path
 from types import MappingProxyType
 from typing import cast
 
-from hemivar.basics.stated import Argument, Form, arguments_of, stated, stating
+from hemivar.basics.arguments import shortened
+from hemivar.basics.stated import Argument, Form, Stated, arguments_of, stated, stating
 from hemivar.basics.types import Parameter
-from hemivar.errors import ProblemError
+from hemivar.basics.user_code import class_named, name_of_class, of_user
+from hemivar.errors import HemivarError, ProblemError
 from hemivar.laws.coupled import (
     BenzeggaghKenane,
     BilinearCohesion,
@@ -58,7 +63,10 @@ from hemivar.laws.own.table_law import EXTEND, TABLE
 from hemivar.laws.parameters import COMPRESSION, FRICTION, LENGTH, LINE, PRESSURE, numbers, parameter, positive, word
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["COUPLED_LAWS", "FRICTION_LAWS", "NORMAL_LAWS", "LawEntry", "LawKind", "friction_law", "normal_law"]
+__all__ = [
+    "COUPLED_LAWS", "FRICTION_LAWS", "NORMAL_LAWS", "LawEntry", "LawKind", "entry_named", "entry_of", "friction_law",
+    "normal_law",
+]  # fmt: skip
 
 
 class LawKind(StrEnum):
@@ -66,6 +74,7 @@ class LawKind(StrEnum):
 
     NORMAL = "normal"
     FRICTION = "friction"
+    MEMORY = "memory"
     MATERIAL = "material"
 
 
@@ -90,6 +99,11 @@ class LawEntry:
         return "material" if self.kind is LawKind.MATERIAL else "law"
 
     @property
+    def key(self) -> str:
+        """The key of its name in files."""
+        return "kind" if self.kind is LawKind.MEMORY else "law"
+
+    @property
     def required(self) -> tuple[str, ...]:
         """Names of the parameters that must be given."""
         return tuple(p.key for p in self.parameters if p.required)
@@ -105,6 +119,83 @@ class LawEntry:
             if key not in values:
                 raise ProblemError(f"{self.noun} '{self.name}' needs the parameter {key}")
         return self.build(**{known.get(key, key): value for key, value in values.items()})
+
+
+# ---- classes of the user's ----------------------------------------------------------------------------------
+
+#: What a field is that says nothing of itself.
+_NUMBER = stated(Form.NUMBER, "a number")
+
+
+def entry_named(name: str, kind: LawKind, bases: tuple[type, ...], code: Sequence[str] = ()) -> LawEntry | None:
+    """The law of the user's that a file names, which must be a class with one of these bases; None if it names none.
+
+    ``code`` are the modules and files that the user allows; see :func:`hemivar.basics.user_code.class_named`.
+    """
+    found = class_named(name, code)
+    if found is None:
+        return None
+    if not set(bases) & set(found.__mro__):
+        wanted = " or ".join(base.__name__ for base in bases)
+        raise ProblemError(f"'{name}' is not a class of a {kind} law; give one derived from {wanted}")
+    if isabstract(found):
+        missing = ", ".join(sorted(found.__abstractmethods__))  # type: ignore[attr-defined]
+        raise ProblemError(f"'{name}' is abstract and cannot be made; supply {missing}, or name a class that does")
+    return _entry(found, kind, name)
+
+
+def entry_of(kind: type, of: LawKind) -> LawEntry | None:
+    """The entry of a class of the user's, under the name that files give it; None if they have no name for it."""
+    name = name_of_class(kind) if of_user(kind) else None
+    return None if name is None else _entry(kind, of, name)
+
+
+@cache
+def _entry(kind: type, of: LawKind, name: str) -> LawEntry:
+    summary = cleandoc(kind.__doc__ or "").partition("\n")[0]
+    profile = of is LawKind.FRICTION and issubclass(kind, Superpotential)
+    return LawEntry(of, name, _maker(kind, name, profile), summary, "")
+
+
+def _maker(kind: type, name: str, profile: bool) -> Callable[..., object]:
+    """What makes a law of a class of the user's; of a profile it makes the friction, with the bound.
+
+    Fields without metadata are numbers, but for those of the library's classes from which it is derived.
+    """
+    inherited = {one.name for base in kind.__mro__ if is_dataclass(base) and not of_user(base) for one in fields(base)}
+    says: dict[str, Mapping[str, Stated]] = {}
+    if is_dataclass(kind):
+        says = {one.name: one.metadata for one in fields(kind) if "stated" in one.metadata}
+    if issubclass(kind, Friction):
+        says |= FRICTION
+    several = (Taken.VAR_POSITIONAL, Taken.VAR_KEYWORD)
+    given = [one for one in signature(kind).parameters.values() if one.kind not in several]
+    said = {one.name: says.get(one.name, {} if one.name in inherited else _NUMBER) for one in given}
+    taken = [one.replace(kind=Taken.KEYWORD_ONLY) for one in given]
+    if profile:
+        twice = [key for key in FRICTION if key in said]
+        if twice:
+            raise ProblemError(f"law '{name}': its parameter '{twice[0]}' is one that every friction has; rename it")
+        beside = [Taken("bound", Taken.KEYWORD_ONLY, default=1.0), Taken("of", Taken.KEYWORD_ONLY, default=None)]
+        said |= FRICTION
+        taken += beside
+
+    def make(**values: object) -> object:
+        own = {key: value for key, value in values.items() if not profile or key not in FRICTION}
+        try:
+            made = kind(**own)
+        except HemivarError:
+            raise
+        except Exception as error:
+            why = f"{type(error).__name__}: {shortened(error)}"
+            raise ProblemError(f"'{name}' cannot be made of its values ({why}); correct them, or the class") from error
+        if not profile:
+            return made
+        assert isinstance(made, Superpotential)
+        return Friction(values.get("bound", 1.0), made, of=values.get("of"))  # type: ignore[arg-type]
+
+    make.__stated__, make.__signature__ = said, Signature(taken)  # type: ignore[attr-defined]
+    return make
 
 
 # ---- normal laws --------------------------------------------------------------------------------------------
@@ -420,15 +511,15 @@ FRICTION_LAWS: Mapping[str, LawEntry] = MappingProxyType({entry.name: entry for 
 
 def normal_law(name: str, **values: object) -> Superpotential:
     """The normal law of this name, such as ``normal_law("survey", q_max=0.3, p_const=2.0)``."""
-    return cast(Superpotential, _entry(NORMAL_LAWS, name).make(**values))
+    return cast(Superpotential, _known(NORMAL_LAWS, name).make(**values))
 
 
 def friction_law(name: str, **values: object) -> Friction:
     """The friction law of this name, such as ``friction_law("tresca", bound=0.5)``."""
-    return cast(Friction, _entry(FRICTION_LAWS, name).make(**values))
+    return cast(Friction, _known(FRICTION_LAWS, name).make(**values))
 
 
-def _entry(laws: Mapping[str, LawEntry], name: str) -> LawEntry:
+def _known(laws: Mapping[str, LawEntry], name: str) -> LawEntry:
     if name not in laws:
         raise ProblemError(f"law '{name}' is not known; the laws are {', '.join(laws)}")
     return laws[name]
