@@ -56,7 +56,7 @@ __all__ = [
     "Problem",
     "Row",
     "at_rest",
-    "stated",
+    "problem_of_row",
 ]
 
 Problem = ContactProblem | hv.DiscreteProblem | FormProblem
@@ -343,7 +343,7 @@ FORMS = ("form", "mixed")
 SCALAR = ("membrane", "antiplane")
 
 
-def stated(row: Row, factor: float = 1.0) -> Problem:
+def problem_of_row(row: Row, factor: float = 1.0) -> Problem:
     """The problem of a combination, its load times a factor."""
     contact = hv.Contact(NORMALS[row.normal], FRICTIONS[row.friction], **BESIDE[row.beside])
     return BODIES[row.body](contact, factor * (1.0 if row.normal in GLUES else -1.0))
@@ -351,5 +351,5 @@ def stated(row: Row, factor: float = 1.0) -> Problem:
 
 def at_rest(row: Row, factor: float = 1.0) -> ContactProblem | hv.DiscreteProblem:
     """What is solved."""
-    found = stated(row, factor)
+    found = problem_of_row(row, factor)
     return found.discrete if isinstance(found, FormProblem) else found
