@@ -13,11 +13,11 @@ from tests import bodies
 SPRING, DASHPOT, RUBBED = 20.0, 3.0, 0.02
 
 
-def moved(x: Array, t: float) -> Array:
+def growing_motion(x: Array, t: float) -> Array:
     return np.stack([0.2 * t**2 * (1.0 + x[:, 0]), -0.05 * t**2 + 0.0 * x[:, 0]], axis=1)
 
 
-def pushed(x: Array, t: float) -> Array:
+def growing_push(x: Array, t: float) -> Array:
     return np.stack([0.5 * t + 0.0 * x[:, 0], -0.3 * t**2 + 0.0 * x[:, 0]], axis=1)
 
 
@@ -31,8 +31,8 @@ def everything(inertia: bool) -> Evolution:
         density=1.0 if inertia else None,
         viscosity=(0.4, 0.4),
         branches=[hv.materials.Branch(lame=(2.0, 2.0), time=0.3), hv.materials.Branch(lame=(0.5, 1.0), time=0.1)],
-        supports={"top": hv.Prescribed(moved)},
-        body_force=pushed,
+        supports={"top": hv.Prescribed(growing_motion)},
+        body_force=growing_push,
     )
     return Evolution(problem, inertia=inertia)
 
@@ -173,7 +173,7 @@ def test_a_foundation_that_creeps_beside_a_damper_feels_its_own_pressure_only() 
     errors, lost = [], []
     for count in (20, 40):
         history = march(on_the_ground(contact, 1.0), 1.0, step=1.0 / count)
-        found = [history["penetration"][-1], history.moment.memory["bottom"]["0.depth"][0]]
+        found = [history["penetration"][-1], history.state.memory["bottom"]["0.depth"][0]]
         errors.append(np.abs(found - exact).max())
         lost.append(history.ledger["numerical"] / history.ledger["work"])
     assert errors[0] < 0.04 * exact[0]

@@ -1,4 +1,4 @@
-"""Events: moments that are worth a stop, found by bisection of the step in which they happen."""
+"""Events: states that are worth a stop, found by bisection of the step in which they happen."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect, one_of, quoted
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.state import TimeState
-from hemivar.evolution.step_laws import seen_place
+from hemivar.evolution.step_laws import seen_displacement
 from hemivar.fem.contact_basis import nodal_depths
 
 __all__ = ["BondBroken", "Event", "MarginLost", "OnEvent", "Release", "Slip", "Touch", "When"]
@@ -184,7 +184,7 @@ class When(Event):
     Parameters
     ----------
     function : callable
-        Called with the discrete evolution and the moment; returns a number.
+        Called with the discrete evolution and the state; returns a number.
     label : str
         What it is called in the history.
     then : OnEvent
@@ -201,16 +201,16 @@ class When(Event):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not callable(self.function):
-            raise ProblemError("the event When needs a function of (discrete, moment) that returns a number")
+            raise ProblemError("the event When needs a function of (discrete, state) that returns a number")
         expect(self.label, str, "the label of an event", "give a text")
 
     def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
         assert self.function is not None
-        found = self.function(discrete, state)
+        returned = self.function(discrete, state)
         try:
-            value = float(found)
+            value = float(returned)
         except (TypeError, ValueError):
-            raise ProblemError(f"the event '{self.label}' gave {quoted(found)}; return a number") from None
+            raise ProblemError(f"the event '{self.label}' gave {quoted(returned)}; return a number") from None
         if np.isnan(value):
             raise ProblemError(f"the event '{self.label}' is not a number at t = {state.time:g}")
         return value
@@ -218,5 +218,5 @@ class When(Event):
 
 def _deepest(discrete: DiscreteEvolution, state: TimeState, points: np.ndarray) -> float:  # type: ignore[type-arg]
     """Largest penetration of some contact points, into what is left of a foundation that is worn or has crept."""
-    depth = nodal_depths(discrete.problem, seen_place(discrete, state)[:, 0])
+    depth = nodal_depths(discrete.problem, seen_displacement(discrete, state)[:, 0])
     return float(discrete.vectors.largest(float(depth[points].max(initial=-np.inf)))[0])

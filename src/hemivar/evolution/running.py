@@ -19,14 +19,14 @@ from hemivar.evolution.digest import identity
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.history import Frame, History, Row
-from hemivar.evolution.initial import apply_impulse, initial_moment
+from hemivar.evolution.initial import apply_impulse, initial_state
 from hemivar.evolution.initial_equilibrium import (
-    begun,
+    gap_jump,
+    has_instantaneous_part,
+    instantaneous_equilibrium,
     longest_without_swing,
-    ramped,
-    settled,
-    sunk_by_a_jump,
-    yields_at_once,
+    with_own_balance,
+    with_ramped_work,
 )
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import OnEvent
@@ -88,7 +88,7 @@ class StepEvent:
     row : Row
     frame : Frame or None
         If one was saved.
-    moment : TimeState
+    state : TimeState
     done : float
         Part of the whole time that is behind.
     happened : tuple of str
@@ -101,7 +101,7 @@ class StepEvent:
 
     row: Row
     frame: Frame | None
-    moment: TimeState
+    state: TimeState
     done: float
     happened: tuple[str, ...] = ()
     earlier: tuple[tuple[int, Frame], ...] = ()
@@ -177,54 +177,54 @@ class TimeLoop:
         if discrete.problem.idle is not None:
             self.doubts += (f"at t = {self.start:g} {discrete.problem.idle}",)
         self.ends = _ends(plan, self.start, () if controlled else kinks)
-        self.yields = yields_at_once(discrete)
-        self.unsettled: StepResult | None = None
+        self.instantaneous = has_instantaneous_part(discrete)
+        self.no_equilibrium: StepResult | None = None
         self.identity = ""
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
             given = self.stepping, plan.stops, plan.save, plan.events, plan.jump, plan.control
             self.identity = tools.identity(self.stepper, *given)
-        self.moment: TimeState
+        self.state: TimeState
         self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
-        self.told = False
+        self.reported = False
         self.beyond: tuple[str, ...] = ()
 
     def begin(self) -> None:
         """The initial state, or that of the checkpoint."""
         kept = self.plan.checkpoint
-        state = None
+        march = None
         if self.plan.resume and isinstance(kept, Checkpoint):
-            state = kept.read(self.identity)
-            if state is not None:
-                self._refuse_misfit(kept, state)
-        if state is None:
+            march = kept.read(self.identity)
+            if march is not None:
+                self._refuse_misfit(kept, march)
+        if march is None:
             self.messages: list[str] = list(self.doubts)
-            self.moment = self._begun(initial_moment(self.stepper, self.step_size.step))
+            self.state = self._initial_equilibrium(initial_state(self.stepper, self.step_size.step))
             self.frames = Frames(self.plan.save, self.start)
-            self.frames.offer(self.discrete, self.moment)
+            self.frames.offer(self.discrete, self.state)
             self.rows = [self._row(None)]
             self.events: list[tuple[float, str]] = []
             self.largest = self.farthest = 0.0
-            self.origin = self.moment.body.displacement
+            self.origin = self.state.body.displacement
         else:
-            self.moment, self.step_size = state.moment, state.pace
-            self.largest, self.farthest, self.origin = state.largest, state.farthest, state.origin
-            self.frames = Frames(self.plan.save, self.start, state.frames, state.frame_place)
-            self.rows, self.events, self.messages = list(state.rows), list(state.events), list(state.messages)
-            self.bound.square, self.bound.straight = state.bound, state.straight
-            if self.moment.time > self.plan.until:
+            self.state, self.step_size = march.state, march.pace
+            self.largest, self.farthest, self.origin = march.largest, march.farthest, march.origin
+            self.frames = Frames(self.plan.save, self.start, march.frames, march.frame_counters)
+            self.rows, self.events, self.messages = list(march.rows), list(march.events), list(march.messages)
+            self.bound.square, self.bound.straight = march.bound, march.straight
+            if self.state.time > self.plan.until:
                 self.beyond = (
-                    f"the checkpoint is at t = {self.moment.time:.10g}, beyond the end at {self.plan.until:.10g}: "
+                    f"the checkpoint is at t = {self.state.time:.10g}, beyond the end at {self.plan.until:.10g}: "
                     f"its content is returned; to end at the requested time, start without resume",
                 )
-        self.levels = self._levels(self.moment, self.rows[-1].margin)
+        self.levels = self._levels(self.state, self.rows[-1].margin)
 
-    def _refuse_misfit(self, kept: Checkpoint, state: MarchState) -> None:
+    def _refuse_misfit(self, kept: Checkpoint, march: MarchState) -> None:
         """Refuse what was read where it is no state of this evolution, on all processes."""
-        self.moment = initial_moment(self.stepper, self.step_size.step)
-        why = misfit(state, self.stepper, self.stepping, tuple(self._row(None).values))
+        self.state = initial_state(self.stepper, self.step_size.step)
+        why = misfit(march, self.stepper, self.stepping, tuple(self._row(None).values))
         (wrong,) = self.discrete.vectors.largest(float(bool(why)))
         if wrong:
             raise kept.unfit(why or "the part of another process makes no sense")
@@ -234,13 +234,13 @@ class TimeLoop:
 
         Without a step, the reason in the place of the events.
         """
-        goal = next(end for end in self.ends if end > self.moment.time)
+        goal = next(end for end in self.ends if end > self.state.time)
         begin = self._beginning(goal)
-        if self.unsettled is not None:
-            why = self.unsettled.status
+        if self.no_equilibrium is not None:
+            why = self.no_equilibrium.status
             return None, (_BROKEN if why is Status.NOT_CARRIED else why.value,), True
         if isinstance(self.stepper, ControlledStepper) and self.stepper.broken(begin):
-            self.tell(f"broken at t = {begin.time:.10g}: the joint carries less than a hundredth of its largest load")
+            self.note(f"broken at t = {begin.time:.10g}: the joint carries less than a hundredth of its largest load")
             return None, (_BROKEN,), True
         tried = self._tried(begin, goal)
         if isinstance(tried, Status):
@@ -251,8 +251,8 @@ class TimeLoop:
             and not self.stepper.stages.resists
             and self.margins.margin(tried.taken) <= 0.0
         ):
-            where = f"at t = {tried.taken.moment.time:g} a step may have several solutions"
-            self.tell(f"{where}; the run stops before it, as requested")
+            where = f"at t = {tried.taken.state.time:g} a step may have several solutions"
+            self.note(f"{where}; the run stops before it, as requested")
             return None, ("margin lost",), True
         self._tell_of_misses(tried)
         taken, happened, stop = self._located(tried.taken)
@@ -262,11 +262,11 @@ class TimeLoop:
 
     def _beginning(self, goal: float) -> TimeState:
         """The state that the next step begins with: another than the last where what acts may have a kink or jump."""
-        begin = self.moment
+        begin = self.state
         if begin.time not in self.ends and begin.index:
             return begin
         length, _ = self._fitted(begin.time, goal)
-        begin = apply_impulse(self.stepper, self._settled(begin, length), length)
+        begin = apply_impulse(self.stepper, self._equilibrium_after_jump(begin, length), length)
         return replace(begin, history=None) if self.plan.scheme.multistep else begin
 
     def _fitted(self, time: float, goal: float) -> tuple[float, float]:
@@ -276,7 +276,7 @@ class TimeLoop:
         """The first of ever shorter steps that can be solved and is exact enough; else why there is none."""
         rejected: _Tried | None = None  # solved, but not as exact as was asked for
         while True:
-            length, reached = self._fitted(self.moment.time, goal)
+            length, reached = self._fitted(self.state.time, goal)
             taken = self.stepper.take(begin, length, reached, SelectionRule(self.plan.jump))
             if taken.status is Status.CONVERGED:
                 stands, tried = self._judged(taken)
@@ -299,9 +299,9 @@ class TimeLoop:
         """Whether a step that is solved stands."""
         errors = self.errors
         if self.stepping.estimates:
-            found = step_error(self.stepper, taken, self.origin, self._after_kink)
-            self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
-            errors = found.relative(self.largest, self.farthest)
+            estimate = step_error(self.stepper, taken, self.origin, self._after_kink)
+            self.largest, self.farthest = max(self.largest, estimate.size), max(self.farthest, estimate.displacement)
+            errors = estimate.relative(self.largest, self.farthest)
         error = max(errors) if self.stepping.estimates else None
         stands, following = self.stepping.after(self.step_size, error, self.plan.scheme.order)
         return stands, _Tried(taken, self.step_size, errors, following)
@@ -325,76 +325,76 @@ class TimeLoop:
                 f"a step of {length:.3g} among others of {usual:.3g} is too short for the displacements to "
                 f"determine the forces; move the stop or the kink of a load that causes it"
             )
-        last = f"t = {self.moment.time:.10g}"
+        last = f"t = {self.state.time:.10g}"
         if taken.status is Status.NOT_CARRIED:
-            self.tell(
+            self.note(
                 f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on. The load may exceed "
                 "what the foundation can carry; for a closer time take shorter steps"
             )
             return
-        self.tell(f"the step from {last} to {reached:.10g} could not be solved: {remedy}")
+        self.note(f"the step from {last} to {reached:.10g} could not be solved: {remedy}")
 
     def _tell_of_misses(self, tried: _Tried) -> None:
         """Say that a step is not as exact as was asked for."""
         error = max(tried.errors) if self.stepping.estimates else None
-        if not self.stepping.missed(error) or self._told(_MISSED):
+        if not self.stepping.missed(error) or self._has_message(_MISSED):
             return
         why, remedy = "which cannot be shorter", "allow shorter steps or take"
         if tried.unsolved:
             why, remedy = f"and those tried that are shorter, down to {tried.unsolved:.3g}, cannot be solved", "take"
-        self.tell(
-            f"{_MISSED} first in the step to t = {tried.taken.moment.time:g}, {why}: its error is about {error:.2g} "
+        self.note(
+            f"{_MISSED} first in the step to t = {tried.taken.state.time:g}, {why}: its error is about {error:.2g} "
             f"of the whole; {remedy} a larger rtol. Where a load or a support jumps, name its time as a stop, and take "
             "implicit-euler"
         )
 
-    def _begun(self, moment: TimeState) -> TimeState:
-        """The moment at the start: a body without mass is in equilibrium with what acts, and the balance begins so."""
-        if not self.yields:
-            return moment
-        now = self.stepper.data_from(moment).at(moment.time)
+    def _initial_equilibrium(self, state: TimeState) -> TimeState:
+        """The initial state: a body without mass is in equilibrium with what acts, and the balance begins so."""
+        if not self.instantaneous:
+            return state
+        now = self.stepper.data_from(state).at(state.time)
         try:
-            taken = self._yielded(moment, self.step_size.step, now, now)
+            taken = self._equilibrium(state, self.step_size.step, now, now)
         except OutOfTime:  # the march ends at its first step
-            return moment
+            return state
         if taken is None:
-            return moment
-        stated, found = moment.body.displacement, taken.moment.body.displacement
+            return state
+        stated, displacement = state.body.displacement, taken.state.body.displacement
         off, far = self.discrete.vectors.largest(
-            float(np.abs(found - stated).max(initial=0.0)), float(np.abs(found).max(initial=0.0))
+            float(np.abs(displacement - stated).max(initial=0.0)), float(np.abs(displacement).max(initial=0.0))
         ).tolist()
         if self.discrete.evolution.displacement is not None and off > _MOVED * far:
-            self.tell(
+            self.note(
                 "the initial displacement is not in equilibrium where the body has no mass; the run starts from "
                 "the nearest equilibrium,"
                 f" {off:.3g} away: leave it out, or give mass or viscosity"
             )
-        return begun(taken.moment)
+        return with_own_balance(taken.state)
 
-    def _settled(self, moment: TimeState, step: float) -> TimeState:
-        """A moment at which a load jumps, with a body without mass in the equilibrium that follows."""
-        data = self.stepper.data_from(moment)
-        if not (self.yields and data.jumps_at(moment.time)):
-            return moment
-        taken = self._yielded(moment, step, data.before(moment.time), data.after(moment.time))
-        return moment if taken is None else taken.moment
+    def _equilibrium_after_jump(self, state: TimeState, step: float) -> TimeState:
+        """A state at which a load jumps, with a body without mass in the equilibrium that follows."""
+        data = self.stepper.data_from(state)
+        if not (self.instantaneous and data.jumps_at(state.time)):
+            return state
+        taken = self._equilibrium(state, step, data.before(state.time), data.after(state.time))
+        return state if taken is None else taken.state
 
-    def _yielded(self, moment: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
+    def _equilibrium(self, state: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
         """The equilibrium with what acts now; None, and no further step, if it is not found."""
-        taken = settled(self.stepper, moment, step, SelectionRule(self.plan.jump), start, now)
+        taken = instantaneous_equilibrium(self.stepper, state, step, SelectionRule(self.plan.jump), start, now)
         if taken.status is not Status.CONVERGED:
-            self.unsettled = taken
+            self.no_equilibrium = taken
             if taken.status is not Status.INTERRUPTED:
-                self.tell(
-                    f"the equilibrium at t = {moment.time:.10g}, in which a body without mass starts or continues, "
+                self.note(
+                    f"the equilibrium at t = {state.time:.10g}, in which a body without mass starts or continues, "
                     f"could not be computed: {taken.remedy}"
                 )
             return None
         taken, jumped = self._jumped(taken)
         if jumped:
             self._tell_of_jump(taken, self.margins.margin(taken))
-        if taken.jumps or taken.moment.ledger.jumps == moment.ledger.jumps:
-            taken = ramped(self.discrete, taken, start, now)
+        if taken.jumps or taken.state.ledger.jumps == state.ledger.jumps:
+            taken = with_ramped_work(self.discrete, taken, start, now)
         return taken
 
     @property
@@ -413,42 +413,42 @@ class TimeLoop:
         if not taken.before.index or taken.before.time in self.stops:
             longest = longest_without_swing(self.stepper, taken)
             if longest < taken.step:
-                self.tell(
+                self.note(
                     f"from t = {taken.before.time:g} on displacements oscillate about the equilibrium, and so does "
                     f"the damage, because the viscosity relaxes within a step; take steps below {longest:.3g}, or "
                     f"implicit-euler"
                 )
-        jump, depth = sunk_by_a_jump(self.stepper, taken)
-        if jump and not self._told(_SINKS):
-            self.tell(
-                f"{_SINKS} by {jump:.3g} in the step to t = {taken.moment.time:g} and penetrates up to {depth:.3g}, "
+        jump, depth = gap_jump(self.stepper, taken)
+        if jump and not self._has_message(_SINKS):
+            self.note(
+                f"{_SINKS} by {jump:.3g} in the step to t = {taken.state.time:g} and penetrates up to {depth:.3g}, "
                 f"because {self.plan.scheme.name} acts on velocities; move the gap over some steps, or take "
                 "implicit-euler"
             )
-        healed = healing(self.discrete, taken.before, taken.moment)
-        if healed and not self._told(_HEALS):
-            self.tell(
+        healed = healing(self.discrete, taken.before, taken.state)
+        if healed and not self._has_message(_HEALS):
+            self.note(
                 f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: beyond its strength it closes "
                 f"along its opening curve; leave memory = () out"
             )
         self.bound.add(taken)
-        self.moment = taken.moment
+        self.state = taken.state
         self.rows.append(self._row(taken, margin, jumped))
-        self.events += [(self.moment.time, name) for name in happened]
-        self.levels = self._levels(self.moment, margin)
-        last = self.moment.time >= self.plan.until
-        earlier = () if self.told else self._earlier()
-        self.told = True
-        frame = self.frames.offer(self.discrete, self.moment, last=last or bool(happened))
-        done = (self.moment.time - self.start) / (self.plan.until - self.start)
-        return StepEvent(self.rows[-1], frame, self.moment, done, happened, earlier)
+        self.events += [(self.state.time, name) for name in happened]
+        self.levels = self._levels(self.state, margin)
+        last = self.state.time >= self.plan.until
+        earlier = () if self.reported else self._earlier()
+        self.reported = True
+        frame = self.frames.offer(self.discrete, self.state, last=last or bool(happened))
+        done = (self.state.time - self.start) / (self.plan.until - self.start)
+        return StepEvent(self.rows[-1], frame, self.state, done, happened, earlier)
 
     def _tell_of_jump(self, taken: StepResult, margin: float) -> None:
         """Say that the body jumped from one equilibrium to another."""
-        if self._told("the body jumped"):
+        if self._has_message("the body jumped"):
             return
-        when = taken.moment.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
-        self.tell(
+        when = taken.state.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
+        self.note(
             f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
             f"and no viscosity selects one; jump = '{self.plan.jump}' did"
         )
@@ -461,12 +461,12 @@ class TimeLoop:
     def _tell_of_lag(self, taken: StepResult) -> None:
         """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
         convexity_defect = max(self.stepper.stages.convexity_defect(stage) for stage in taken.stages)
-        if convexity_defect < 0.0 or self._told(_LAGS):
+        if convexity_defect < 0.0 or self._has_message(_LAGS):
             return
         steps = regularising_viscosity(convexity_defect)
         lag = steps * taken.step
         if steps > _FEW and lag > _LATE * (self.plan.until - self.start):
-            self.tell(
+            self.note(
                 f"{_LAGS} what acts on it by up to {lag:.3g}, {steps:.3g} steps, from t = {taken.before.time:g} on. "
                 f"The artificial viscosity makes the step unique; its dissipation is reported under 'jumps'; "
                 f"take shorter steps, or jump = 'arc-length'"
@@ -474,27 +474,27 @@ class TimeLoop:
 
     def _jumped(self, taken: StepResult) -> tuple[StepResult, bool]:
         """Whether the body jumped; with what it lost, beside what a law that changed took from what was stored."""
-        known = taken.jumps or taken.moment.control is not None or SelectionRule(self.plan.jump).follows
+        known = taken.jumps or taken.state.control is not None or SelectionRule(self.plan.jump).follows
         if known or not crosses_energy_barrier(self.stepper, taken):
             return taken, bool(taken.jumps)
-        before, ledger = taken.before, taken.moment.ledger
+        before, ledger = taken.before, taken.state.ledger
         weakened = before.ledger.contact - energies(self.discrete, before, taken.stages[-1].law)["contact"]
         lost = max(ledger.numerical - before.ledger.numerical - weakened, 0.0)
         ledger = replace(ledger, numerical=ledger.numerical - lost, jumps=ledger.jumps + lost)
-        return replace(taken, moment=replace(taken.moment, ledger=ledger)), True
+        return replace(taken, state=replace(taken.state, ledger=ledger)), True
 
     def _earlier(self) -> tuple[tuple[int, Frame], ...]:
         numbers = {row.time: number for number, row in enumerate(self.rows)}
         return tuple((numbers[frame.time], frame) for frame in self.frames.kept)
 
-    def state(self) -> MarchState:
+    def march_state(self) -> MarchState:
         """What a checkpoint keeps."""
         return MarchState(
-            self.moment,
+            self.state,
             self.step_size,
             tuple(self.rows),
             tuple(self.frames.kept),
-            self.frames.place,
+            self.frames.counters,
             tuple(self.events),
             tuple(self.messages),
             self.largest,
@@ -504,19 +504,19 @@ class TimeLoop:
             self.bound.straight,
         )
 
-    def tell(self, message: str) -> None:
+    def note(self, message: str) -> None:
         """Say something in the end, once: a march that goes on may meet the same again."""
         if message not in self.messages:
             self.messages.append(message)
 
-    def _told(self, beginning: str) -> bool:
+    def _has_message(self, beginning: str) -> bool:
         """Whether something that begins so is said already."""
         return any(message.startswith(beginning) for message in self.messages)
 
     def history(self, ended: str, unkept: str) -> History:
         """What there is."""
-        if self.frames.kept[-1].time != self.moment.time:
-            self.frames.offer(self.discrete, self.moment, last=True)
+        if self.frames.kept[-1].time != self.state.time:
+            self.frames.offer(self.discrete, self.state, last=True)
         made = self._energy_made()
         ended = _MADE if made and ended == "finished" and not self._steps_are_equilibria else ended
         strained = large_deformation(self.discrete, self.frames.kept)
@@ -526,7 +526,7 @@ class TimeLoop:
             self.discrete,
             tuple(self.rows),
             tuple(self.frames.kept),
-            self.moment,
+            self.state,
             ended,
             tuple(self.events),
             (*strained, *self.messages, *made, *added, *self.beyond),
@@ -541,7 +541,7 @@ class TimeLoop:
 
     def _energy_made(self) -> tuple[str, ...]:
         """That the scheme made more than a part of the energy that was given, if so."""
-        rows, start = [row.values for row in self.rows], self.moment.ledger.start
+        rows, start = [row.values for row in self.rows], self.state.ledger.start
         made = -min(row["numerical"] + row["jumps"] for row in rows)
         given = abs(start) + max(abs(row["work"]) + abs(row["moved"]) + abs(row.get("thermal", 0.0)) for row in rows)
         if made <= _MOST_MADE * given:
@@ -560,8 +560,8 @@ class TimeLoop:
 
     # ---- events ----------------------------------------------------------------------------------------------
 
-    def _levels(self, moment: TimeState, margin: float) -> dict[int, float]:
-        return {k: event.level(self.discrete, moment, margin) for k, event in enumerate(self.plan.events)}
+    def _levels(self, state: TimeState, margin: float) -> dict[int, float]:
+        return {k: event.level(self.discrete, state, margin) for k, event in enumerate(self.plan.events)}
 
     def _located(self, taken: StepResult) -> tuple[StepResult, tuple[str, ...], bool]:
         """The step, ended where the first event happens."""
@@ -569,7 +569,7 @@ class TimeLoop:
             return taken, (), False
 
         def risen(trial: StepResult) -> list[int]:
-            levels = self._levels(trial.moment, self.margins.margin(trial))
+            levels = self._levels(trial.state, self.margins.margin(trial))
             return [k for k, level in levels.items() if level > 0.0 and not self.levels[k] > 0.0]
 
         if not risen(taken):
@@ -585,33 +585,33 @@ class TimeLoop:
                 high = middle
             else:
                 low = middle.step
-        found = [self.plan.events[k] for k in risen(high)]
-        names = tuple(getattr(event, "label", event.name) for event in found)
-        return high, names, any(event.then is OnEvent.STOP for event in found)
+        happened = [self.plan.events[k] for k in risen(high)]
+        names = tuple(getattr(event, "label", event.name) for event in happened)
+        return high, names, any(event.then is OnEvent.STOP for event in happened)
 
     # ---- the table -------------------------------------------------------------------------------------------
 
     def _row(self, taken: StepResult | None, margin: float = math.nan, jumped: bool = False) -> Row:
-        moment = self.moment
-        values: dict[str, float] = contact_forces(self.discrete, moment)
-        for name, moved in self.probes(moment.body.displacement).items():
+        state = self.state
+        values: dict[str, float] = contact_forces(self.discrete, state)
+        for name, moved in self.probes(state.body.displacement).items():
             ends = ("u",) if moved.size == 1 else ("u_x", "u_y", "u_z")
             for end, value in zip(ends, moved, strict=False):
                 values[f"{name}.{end}"] = float(value)
-        values.update(moment.ledger.record())
-        values.update(self.stepper.extra_columns(moment))
+        values.update(state.ledger.record())
+        values.update(self.stepper.extra_columns(state))
         if self.stepping.estimates:
             for name, error in zip(_SUMMED, (0.0, 0.0) if taken is None else self.errors, strict=True):
                 values[name] = error if taken is None else self.rows[-1].values[name] + error
         values["time_error"] = math.sqrt(self.bound.square) if self.bound.norm else math.nan
         contacts = self.discrete.contacts.values()
         if any(isinstance(one, Contact) and one.friction.state_dependent for one in contacts):
-            values["fallbacks"] = 0.0 if taken is None else float(sum(found.fallbacks for found in taken.solutions))
+            values["fallbacks"] = 0.0 if taken is None else float(sum(one.fallbacks for one in taken.solutions))
         if taken is None:
-            return Row(moment.time, 0.0, 0, 0.0, math.nan, math.nan, values)
+            return Row(state.time, 0.0, 0, 0.0, math.nan, math.nan, values)
         steps = sum(solution.steps for solution in taken.solutions)
         largest = self.margins.largest_step(taken)
-        return Row(moment.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
+        return Row(state.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
 
 
 def _added(summed: tuple[float, ...]) -> str:

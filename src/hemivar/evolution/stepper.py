@@ -22,7 +22,7 @@ from hemivar.evolution.data_in_time import DataInTime, StatedData
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices
 from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
-from hemivar.evolution.stage import Stage, StageState, posed_stage, rounding_size, stage_state
+from hemivar.evolution.stage import Stage, StageState, discrete_stage, rounding_size, stage_state
 from hemivar.evolution.stage_solver import StageSolver
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.step_end import SolvedStage, end_of_step, with_products
@@ -63,7 +63,7 @@ def allowed_work(
     stage: Stage,
     reached: StageState,
     multiplier: Array,
-    way: Array,
+    increment: Array,
     rtol: float,
 ) -> float:
     """Most work on a way (n + k,) of the forces that a solved stage may leave out of balance.
@@ -74,7 +74,7 @@ def allowed_work(
     acting = norm(stage.load[:n]) + norm(discrete.problem.contact_force(multiplier))
     acting += sum(abs(force.factor) * norm(force.vector[:n]) for force in reached.forces.values())
     rounding = rounding_size(discrete, stage, reached.body, 0.0)
-    return norm(way[:n]) * (rtol * acting + _FORCES * (acting + rounding))
+    return norm(increment[:n]) * (rtol * acting + _FORCES * (acting + rounding))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class StepResult:
     """A step that was taken."""
 
     before: TimeState
-    moment: TimeState
+    state: TimeState
     step: float
     solutions: tuple[Solution, ...]
     stages: tuple[Stage, ...]
@@ -221,17 +221,17 @@ class TimeStepper:
 
     def _balanced(self, taken: StepResult, solved: list[SolvedStage]) -> StepResult:
         """A step, not solved if its balance of energy does not close to what the residual allows."""
-        before, state, rtol = taken.before, taken.moment, self.controls.rtol
+        before, state, rtol = taken.before, taken.state, self.controls.rtol
         gap, work = (abs(getattr(state.ledger, name) - getattr(before.ledger, name)) for name in ("gap", "work"))
         least = max(rounding_of(state.ledger), rtol * work)  # no more than what is allowed
         if gap <= least or taken.status is not Status.CONVERGED or not self.discrete.vectors.alone:
             return taken
         allowed = 0.0
         for part in solved:
-            way = part.stage.rule.share * taken.step * part.body.velocity
+            increment = part.stage.rule.share * taken.step * part.body.velocity
             if len(solved) == 1:
-                way = state.body.displacement - before.body.displacement
-            allowed += allowed_work(self.discrete, part.stage, part.reached, part.solution.multiplier, way, rtol)
+                increment = state.body.displacement - before.body.displacement
+            allowed += allowed_work(self.discrete, part.stage, part.reached, part.solution.multiplier, increment, rtol)
         if gap <= allowed:
             return taken
         off = replace(taken.solutions[-1], status=Status.INACCURATE)
@@ -271,14 +271,14 @@ class TimeStepper:
 
         The state before stands for what the stages would find.
         """
-        found = []
+        laws = []
         guess = self.discrete.counted(before.local.displacement, before.local.displacement)
         data, timed = self.data_from(before), "law" in self.discrete.evolution.problem.time_dependent
         for rule in self.operators.rules(step, before.last_length):
             acting = data.at(before.time + (rule.at * step if timed else 0.0))
             law = stage_law(self.discrete, acting, before, rule, step, guess, before.multiplier)
-            found.append((body_factors(self.discrete, rule, step), law.law))
-        return found
+            laws.append((body_factors(self.discrete, rule, step), law.law))
+        return laws
 
     def _solved(
         self,
@@ -299,10 +299,10 @@ class TimeStepper:
         for _ in range(_ROUNDS + discrete.breakable):
             check_time()
             law = stage_law(discrete, at, base, rule, operator.step, guess, multiplier, operator.laws)
-            stage = posed_stage(discrete, stages.bodies, base, operator, at, end, start, law)
+            stage = discrete_stage(discrete, stages.bodies, base, operator, at, end, start, law)
             size = stages.size(stage)
-            found = stages.solution(stage, initial, jump, size)
-            solution, local = found.solution, stage.local(found.solution)
+            solved = stages.solution(stage, initial, jump, size)
+            solution, local = solved.solution, stage.local(solved.solution)
             point = stage.local_motion(local)
             own = _undamped(law, point, solution.multiplier)
             again = law.iterates and solution.status is Status.CONVERGED
@@ -320,16 +320,16 @@ class TimeStepper:
             same = pressed <= _STANDS * level or float(vectors.norms(weighted)[0]) <= left
             if change <= _STANDS * size and same:
                 break
-            found_now = _Round(slid, own, slid - guess, own - multiplier)
-            guess, multiplier = found_now.ahead(last, vectors, size, level)
-            initial, last = solution, found_now
+            this = _Round(slid, own, slid - guess, own - multiplier)
+            guess, multiplier = this.ahead(last, vectors, size, level)
+            initial, last = solution, this
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
         off = solution.residual  # it is told against all that the tolerance was held against
         off = Residual(off.equilibrium, off.inclusion, off.scale + size, off.noise)
-        told = replace(solution, residual=off)
-        reached = stage_state(discrete, stage, solution.unknowns) if found.reached is None else found.reached
-        return SolvedStage(stage, told, reached, point, own, found.resistance, found.jumps)
+        rescaled = replace(solution, residual=off)
+        reached = stage_state(discrete, stage, solution.unknowns) if solved.reached is None else solved.reached
+        return SolvedStage(stage, rescaled, reached, point, own, solved.resistance, solved.jumps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,8 +357,8 @@ class _Round:
         share = along / square if left < was and square > 0.0 else 0.0
         if not 0.0 < share <= _AHEAD:
             return self.slid, self.multiplier
-        way = self.slid - last.slid, self.multiplier - last.multiplier
-        return self.slid + share * way[0], self.multiplier + share * way[1]
+        increment = self.slid - last.slid, self.multiplier - last.multiplier
+        return self.slid + share * increment[0], self.multiplier + share * increment[1]
 
 
 def method_of(discrete: DiscreteEvolution) -> Solver | None:

@@ -18,7 +18,7 @@ from hemivar.laws.crossings import Crossings, crossings, length_places, level_pl
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
-from hemivar.laws.scalar_graph import downhill, is_continuous, nearest_knot, one_sided, radial_sides, steepest
+from hemivar.laws.scalar_graph import is_continuous, local_minimiser, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, lengths, polar, spread
@@ -155,8 +155,6 @@ class ContactLaw(NormalAndFriction):
         if self._compiled is not None:
             return self._compiled.graph_distance(r, lam, tau)
         normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
-        if self.by_differences:
-            normal = normal + self.derivative_error(r)
         if r.shape[1] == 1:
             return normal
         size, direction = polar(r[:, 1:])
@@ -197,12 +195,12 @@ class ContactLaw(NormalAndFriction):
             )
         return out
 
-    def crossings(self, r: Array, way: Array) -> Crossings | None:
+    def crossings(self, r: Array, direction: Array) -> Crossings | None:
         rubs = r.shape[1] > 1 and bool(self.rubs.any())
         laws = self.scalar_laws(2 if rubs else 1)
         if (rubs and r.shape[1] > 2) or not all(law.straight for law in laws):
             return None
-        return Crossings.joined([crossings(law, r[:, c], way[:, c]) for c, law in enumerate(laws)])
+        return Crossings.joined([crossings(law, r[:, c], direction[:, c]) for c, law in enumerate(laws)])
 
     def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
         normal = super().kinks_along(start, end, bend)
@@ -215,9 +213,9 @@ class ContactLaw(NormalAndFriction):
         return np.concatenate([normal, level_places(both, start[:, 1], end[:, 1], bend[:, 1])], axis=1)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
-        found = None if self._compiled is None else self._compiled.local_argmin(a, b)
-        if found is not None:
-            return found
+        minimiser = None if self._compiled is None else self._compiled.local_argmin(a, b)
+        if minimiser is not None:
+            return minimiser
         r = np.empty(b.shape)
         r[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
         if b.shape[1] > 1:
@@ -352,17 +350,17 @@ class ContactLaw(NormalAndFriction):
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         out = np.empty(r.shape)
-        out[:, 0] = downhill(self.normal, a[:, 0], b[:, 0], r[:, 0])
+        out[:, 0] = local_minimiser(self.normal, a[:, 0], b[:, 0], r[:, 0])
         if r.shape[1] == 2:
-            out[:, 1] = downhill(self.tangential, a[:, 1], b[:, 1], r[:, 1])
+            out[:, 1] = local_minimiser(self.tangential, a[:, 1], b[:, 1], r[:, 1])
         elif r.shape[1] > 2:
             # Turning the slip into the direction of the force lowers the energy; what is left is radial.
             (size, towards), (old, own) = polar(b[:, 1:]), polar(r[:, 1:])
             own[:, 0] = np.where(old > 0.0, own[:, 0], 1.0)
             heading = np.where(size[:, None] > 0.0, towards, own)
-            out[:, 1:] = np.maximum(downhill(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
+            out[:, 1:] = np.maximum(local_minimiser(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
         return out
 
     def snap_to_kinks(self, r: Array, near: float) -> Array:
@@ -395,8 +393,8 @@ class ContactLaw(NormalAndFriction):
         index = np.flatnonzero(active[:, 0])
         axis = np.broadcast_to(unit[0], (index.size, d))
         normal = one_sided(self.normal, r[:, 0], tau[:, 0], slack)
-        found = [Sides(index, axis, lam[index, 0], *(values[index] for values in normal))]
-        return found if d == 1 else found + radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
+        sides = [Sides(index, axis, lam[index, 0], *(values[index] for values in normal))]
+        return sides if d == 1 else sides + radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
 
 
 def separable(law: VectorLaw, what: str) -> ContactLaw:

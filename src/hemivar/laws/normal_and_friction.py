@@ -95,13 +95,13 @@ class NormalAndFriction(Glue):
         return np.asarray(self.normal.value(-known["opening"]) - 0.5 * known["stiffness"] * known["opening"] ** 2)
 
     def lost_by(self, known: Mapping[str, Array]) -> Array:
-        told = self.normal.debonding(-known["opening"])
-        if "damage" not in told or np.isnan(told["damage"]).any():
+        lost = self.normal.debonding(-known["opening"])
+        if "damage" not in lost or np.isnan(lost["damage"]).any():
             raise ProblemError(
                 f"law '{self.normal.name}' has no damage on which friction could act; use Adhesive(...) or "
                 "MixedMode(...)"
             )
-        return told["damage"]
+        return lost["damage"]
 
     # ---- the bound --------------------------------------------------------------------------------------
 
@@ -156,16 +156,6 @@ class NormalAndFriction(Glue):
     # ---- what is known of the parts ---------------------------------------------------------------------
 
     @property
-    def by_differences(self) -> bool:
-        return self.normal.by_differences or self.friction.profile.by_differences
-
-    def derivative_error(self, r: Array) -> Array:
-        normal = np.broadcast_to(self.normal.derivative_error(r[:, 0]), r.shape[:1])
-        if r.shape[1] == 1 or not self.friction.profile.by_differences:
-            return normal
-        return np.hypot(normal, self.friction.radial.derivative_error(lengths(r[:, 1:])))
-
-    @property
     def alpha_is_one(self) -> bool:
         return not self.state_dependent or self.friction.profile.convex
 
@@ -196,7 +186,7 @@ class NormalAndFriction(Glue):
         if not isinstance(bound, StateBound) or bound.knots.shape[1] == 0:
             return knots
         rows = max(len(knots), len(bound.knots))
-        both = [np.broadcast_to(one, (rows, one.shape[1])) for one in (knots, bound.knots)]
+        both = [np.broadcast_to(table, (rows, table.shape[1])) for table in (knots, bound.knots)]
         return np.sort(np.concatenate(both, axis=1), axis=1)
 
     def admissible(self, r: Array) -> Array:

@@ -28,8 +28,6 @@ from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths
 
 __all__ = ["OrthotropicLaw", "bounded"]
 
-#: Steps of Newton's method for the projection on an ellipse, at most.
-_STEPS = 60
 #: Part of an axis along the surface below which it has no direction there.
 _UPRIGHT = 1e-6
 #: The first tangential component.
@@ -99,7 +97,7 @@ class OrthotropicLaw(NormalAndFriction):
         directed = [
             (law.friction.ratios, law._heading) if isinstance(law, OrthotropicLaw) else None for law, _ in parts
         ]
-        ratios, headings = zip(*(one or (np.ones(1), _FIRST) for one in directed), strict=True)
+        ratios, headings = zip(*(pair or (np.ones(1), _FIRST) for pair in directed), strict=True)
         counts = [count for _, count in parts]
         stacked = [
             np.concatenate([np.broadcast_to(v, (n, *v.shape[1:])) for v, n in zip(values, counts, strict=True)])
@@ -148,7 +146,7 @@ class OrthotropicLaw(NormalAndFriction):
         x, f = own / scale, half / scale  # half axes of order 1
         theta = np.zeros((len(z), 1))
         outside = (largest[:, 0] > 0.0) & (lengths(x / np.where(f > 0.0, f, 1.0)) > 1.0)
-        for _ in range(_STEPS):
+        for _ in range(60):
             part = x * f / np.where(outside[:, None], f**2 + theta, 1.0)
             size = np.maximum(lengths(part), np.finfo(float).tiny)[:, None]
             slope = ((part / size) ** 2 / np.where(outside[:, None], f**2 + theta, 1.0)).sum(
@@ -227,9 +225,9 @@ class OrthotropicLaw(NormalAndFriction):
         left[np.abs(left).max(axis=1) <= 4.0 * np.finfo(float).eps * np.abs(b[:, 1:]).max(axis=1)] = 0.0
         return np.asarray(left / a[:, 1:2])
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         out = np.empty(b.shape)
-        out[:, :1] = self._plain.downhill(a, b[:, :1], r[:, :1])
+        out[:, :1] = self._plain.local_minimiser(a, b[:, :1], r[:, :1])
         out[:, 1:] = self._slip(a, b)
         return out
 
