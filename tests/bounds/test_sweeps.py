@@ -213,11 +213,11 @@ def test_patches_of_one_batch_share_no_cell_and_all_facets_have_one(mesh: Mesh, 
         assert len(np.unique(cells)) == len(cells)
         np.add.at(seen, batch.facets.ravel(), 1)
         at = table.cell_facets[batch.cells]
-        for place, facets in ((batch.place[0], batch.facets[0]),):
+        for place, facets in ((batch.local[0], batch.facets[0]),):
             inside = place < len(facets)
             assert np.array_equal(facets[place[inside]], at[0][inside])
             assert not np.isin(at[0][~inside], facets).any()
-        assert (batch.place < batch.facets.shape[1]).any(axis=2).all()  # every cell has a facet of the patch
+        assert (batch.local < batch.facets.shape[1]).any(axis=2).all()  # every cell has a facet of the patch
     per_facet = {PatchKind.FACET: 1, PatchKind.EDGE: {2: 1, 3: 3}[table.dim], PatchKind.VERTEX: table.dim}[kind]
     assert (seen == per_facet).all()
 

@@ -144,10 +144,10 @@ class AdmissibleStress:
         for piece in range(dim + 1):
             to_cell = _linear_at_nodes(piece, dim, 1)
             for point, weight in zip(barycentric, weights, strict=True):
-                place = point @ to_cell
-                tensor = data.problem.material.stiffness_tensor(np.einsum("a,mad->md", place, corners), masks)
+                barycentre = point @ to_cell
+                tensor = data.problem.material.stiffness_tensor(np.einsum("a,mad->md", barycentre, corners), masks)
                 stress = np.einsum("a,map->mp", shape_values(data.order, point), self.stresses[:, piece])
-                strain = np.einsum("a,map->mp", place, engineering)
+                strain = np.einsum("a,map->mp", barycentre, engineering)
                 off = stress - np.einsum(
                     "mpq,mq->mp", np.broadcast_to(tensor, (len(stress), *tensor.shape[1:])), strain
                 )

@@ -215,7 +215,7 @@ def held_facets(problem: ContactProblem, table: FacetTable, facets: IntArray | N
     held = np.zeros((len(chosen), dim, dim))
     for name, support in problem.supports.items():
         number = table.numbers(mesh.boundaries[name])
-        place = np.searchsorted(chosen, number)
+        row = np.searchsorted(chosen, number)
         if isinstance(support, Roller):
             directions = [table.normals_of(number)]
         else:
@@ -224,11 +224,11 @@ def held_facets(problem: ContactProblem, table: FacetTable, facets: IntArray | N
                 np.broadcast_to(np.eye(dim)[c], (len(number), dim)) for c in range(dim) if axes[c] is not None
             ]
         for direction in directions:
-            rest = direction - np.einsum("kij,kj->ki", held[place], direction)
+            rest = direction - np.einsum("kij,kj->ki", held[row], direction)
             size = np.linalg.norm(rest, axis=1)
             new = size > DEPENDENT
             unit = rest[new] / size[new, None]
-            held[place[new]] += unit[:, :, None] * unit[:, None, :]
+            held[row[new]] += unit[:, :, None] * unit[:, None, :]
     return held
 
 
@@ -261,9 +261,9 @@ def facet_cover(mine: Array, others: Array) -> BoolArray:
     low, high = mine.min(axis=1), mine.max(axis=1)
     below, above = others.min(axis=1), others.max(axis=1)
     flat = _FLAT * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max(initial=0.0))
-    found = np.ones((len(mine), len(others)), dtype=bool)
+    covered = np.ones((len(mine), len(others)), dtype=bool)
     for axis in range(mine.shape[2]):
         least = np.minimum(high[:, None, axis] - low[:, None, axis], above[:, axis] - below[:, axis])
         common = np.minimum(high[:, None, axis], above[:, axis]) - np.maximum(low[:, None, axis], below[:, axis])
-        found &= common >= _OVER * least - flat
-    return found
+        covered &= common >= _OVER * least - flat
+    return covered

@@ -216,10 +216,10 @@ class BodyData:
 
         Where two bodies touch it is that of the first less that of the second.
         """
-        found = values[self.facet_nodes[facets]]
+        jump = values[self.facet_nodes[facets]]
         cut = self.table.cut[facets]
-        found[cut] -= values[self.opposite[facets[cut]]]
-        return np.asarray(found)
+        jump[cut] -= values[self.opposite[facets[cut]]]
+        return np.asarray(jump)
 
     def loads_on(self, facets: IntArray) -> Array:
         """``int_F f_N phi_a`` (..., k, d) of facets that are not inside."""
@@ -228,9 +228,9 @@ class BodyData:
     @property
     def facet_loads(self) -> Array:
         """Those of all facets, (F, k, d)."""
-        found = np.zeros((len(self.table.facets), *self.outer_loads.shape[1:]))
-        found[self.table.outer] = self.outer_loads
-        return found
+        loads = np.zeros((len(self.table.facets), *self.outer_loads.shape[1:]))
+        loads[self.table.outer] = self.outer_loads
+        return loads
 
     def freed(self, facets: IntArray | slice) -> Array:
         """Projections (..., d, d) on the components of the tractions of facets that nothing prescribes."""
@@ -243,11 +243,11 @@ class BodyData:
 
     def at_nodes(self, facets: IntArray, moments: Array) -> Array:
         """Nodal sums (nodes, d) of moments (k, l, d) on facets; where two bodies touch also the opposite ones."""
-        found = np.zeros(self.displacement.shape)
-        np.add.at(found, self.facet_nodes[facets], moments)
+        sums = np.zeros(self.displacement.shape)
+        np.add.at(sums, self.facet_nodes[facets], moments)
         cut = self.table.cut[facets]
-        np.subtract.at(found, self.opposite[facets[cut]], moments[cut])
-        return found
+        np.subtract.at(sums, self.opposite[facets[cut]], moments[cut])
+        return sums
 
     def under(self, moments: Array) -> BodyData:
         """The data without contact, under contact tractions of these moments (F, k, d) as loads."""
@@ -291,9 +291,9 @@ def _linear_values(dim: int) -> Array:
 
 def _engineering(strain: Array) -> Array:
     """Strains (M, d, d) as vectors (M, v) with engineering shear strains."""
-    found = voigt(strain)
-    found[:, strain.shape[1] :] *= 2.0
-    return found
+    vectors = voigt(strain)
+    vectors[:, strain.shape[1] :] *= 2.0
+    return vectors
 
 
 def _varies(tensors: Array) -> bool:
@@ -444,7 +444,7 @@ def _loads(
     for name, traction in problem.tractions.items():
         (given,), what = stated_values(traction).values(), f"tractions['{name}']"
         number = np.unique(table.numbers(mesh.boundaries[name]))
-        place = table.outer_places[number]
+        row = table.outer_places[number]
         measures, normals = table.measures[number], table.normals_of(number)
         pushes = isinstance(traction, Pressure)
         if not callable(given):
@@ -452,13 +452,13 @@ def _loads(
             force = (
                 -DataField(given, what).at(flat)[:, None] * normals if pushes else DataField(given, what, dim).at(flat)
             )
-            pushed[place] += measures[:, None, None] * shares[:, None] * force[:, None]
+            pushed[row] += measures[:, None, None] * shares[:, None] * force[:, None]
             continue
         corners = mesh.points[table.facets[number]]
-        found = load_values(given, corners, measures, what, normals if pushes else None)
-        own = found.moments(len(number), order)
-        pushed[place] += own
-        tractions[name] = number, found
+        loads = load_values(given, corners, measures, what, normals if pushes else None)
+        own = loads.moments(len(number), order)
+        pushed[row] += own
+        tractions[name] = number, loads
         places = np.einsum("qa,kad->kqd", point, corners)
         flat = places.reshape(-1, dim)
         if pushes:
@@ -466,7 +466,7 @@ def _loads(
         else:
             values = DataField(given, what, dim).at(flat).reshape(places.shape)
         _add_missed(missed, facet_nodes[number], own, point, weight, measures, order, values)
-        np.add.at(unknown, table.facets[number], found.unknown(len(number)))
+        np.add.at(unknown, table.facets[number], loads.unknown(len(number)))
     return cells, pushed, VaryingLoads(body, tractions, missed, unknown)
 
 
@@ -515,17 +515,17 @@ class CellEnergy:
     def lower(self) -> Array:
         """C_low of each cell, shape (M, v, v)."""
         strain = np.zeros((len(self.places), 1, 1))
-        found = self._mean(lambda places, _, regions: self.material.lower_tensor(places, regions), strain)
-        return np.asarray(found[:, 0])
+        tensors = self._mean(lambda places, _, regions: self.material.lower_tensor(places, regions), strain)
+        return np.asarray(tensors[:, 0])
 
     def _mean(self, values: _Values, strain: Array) -> Array:
         count, many, _ = strain.shape
         masks = {name: np.repeat(mask, many) for name, mask in self.regions.items()}
         flat = strain.reshape(count * many, -1)
         total: Array | None = None
-        for place, weight in zip(self.places.transpose(1, 0, 2), self.weights, strict=True):
-            found = weight * values(np.repeat(place, many, axis=0), flat, masks)
-            total = found if total is None else total + found
+        for points, weight in zip(self.places.transpose(1, 0, 2), self.weights, strict=True):
+            part = weight * values(np.repeat(points, many, axis=0), flat, masks)
+            total = part if total is None else total + part
         assert total is not None
         return np.asarray(total.reshape(count, many, *total.shape[1:]))
 

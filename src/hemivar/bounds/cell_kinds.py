@@ -53,8 +53,8 @@ def congruent_cells(table: FacetTable, compliance: Array) -> IntArray:
     parts = [table.gradients.reshape(len(table.cells), -1)]
     if len(compliance) > 1:
         parts.append(np.ascontiguousarray(compliance).reshape(len(parts[0]), -1))
-    found = alike_rows(parts[0], parts[1] if len(parts) > 1 else None, _TOLERANCE)
-    return equal_rows(np.concatenate([_rounded(part) for part in parts], axis=1)) if found is None else found
+    number = alike_rows(parts[0], parts[1] if len(parts) > 1 else None, _TOLERANCE)
+    return equal_rows(np.concatenate([_rounded(part) for part in parts], axis=1)) if number is None else number
 
 
 def _rounded(values: Array) -> IntArray:

@@ -84,13 +84,13 @@ class CompiledStars:
         library, table = kernels(), data.table
         if library is None:
             return None
-        start, pairs, place = table.stars
+        start, pairs, rank = table.stars
         arrays = {
             "cell_nodes": data.cell_nodes, "cell_facets": table.cell_facets, "owners": table.owners,
             "interior": table.interior, "contact": data.contact >= 0, "measures": table.measures,
             "volumes": table.volumes, "dear": dear, "forces": data.forces, "loads": data.loads,
             "outer": table.outer_places, "given": data.outer_loads, "unknown": data.freed(table.outer),
-            "start": start, "pairs": pairs, "place": place,
+            "start": start, "pairs": pairs, "place": rank,
         }  # fmt: skip
         if data.order > 1:
             arrays["own"] = data.cell_moments

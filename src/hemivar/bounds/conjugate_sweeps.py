@@ -201,10 +201,10 @@ def _unresolved(data: BodyData) -> float:
         for i in range(dim):
             residual[i] += np.bincount(edge, load[i] - sum(stress[i, j] * out[j] for j in range(dim)), count)
         three = (gradients[one], gradients[two], out)
-        found = [size * sum(each[i] * each[j] for each in three) for i, j in pairs]
+        entries = [size * sum(each[i] * each[j] for each in three) for i, j in pairs]
         if not alike:
-            found = list((wide @ np.stack(found, axis=1)[:, :, None])[:, :, 0].T)
-        for row, each in zip(square, found, strict=True):
+            entries = list((wide @ np.stack(entries, axis=1)[:, :, None])[:, :, 0].T)
+        for row, each in zip(square, entries, strict=True):
             row += np.bincount(edge, each, count)
     matrix = np.empty((count, dim, dim))
     for row, (i, j) in zip(square, pairs, strict=True):
@@ -216,8 +216,8 @@ def _unresolved(data: BodyData) -> float:
         matrix = (matrix.reshape(count, -1) @ wide.T).reshape(matrix.shape)
     inside = _inside(table, edges, count)
     right = residual.T[inside]
-    found_ = np.linalg.solve(matrix[inside], right[:, :, None])[:, :, 0]
-    return float(np.sqrt(max(np.vdot(found_, right), 0.0)))
+    solution = np.linalg.solve(matrix[inside], right[:, :, None])[:, :, 0]
+    return float(np.sqrt(max(np.vdot(solution, right), 0.0)))
 
 
 def _inside(table: FacetTable, edges: IntArray, count: int) -> BoolArray:

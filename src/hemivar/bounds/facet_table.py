@@ -81,9 +81,9 @@ class FacetTable:
         """The table of a mesh that has the same nodes and cells, and maybe other names."""
         if mesh is self.mesh:
             return self
-        found, own = replace(self, mesh=mesh), {each.name for each in fields(self)}
-        vars(found).update({name: value for name, value in vars(self).items() if name not in own})
-        return found
+        table, own = replace(self, mesh=mesh), {each.name for each in fields(self)}
+        vars(table).update({name: value for name, value in vars(self).items() if name not in own})
+        return table
 
     @property
     def volumes(self) -> Array:
@@ -122,9 +122,9 @@ class FacetTable:
     @cached_property
     def outer_places(self) -> IntArray:
         """Where facets stand among those, shape (F,); 0 for facets inside."""
-        found = np.zeros(len(self.facets), dtype=np.int64)
-        found[self.outer] = np.arange(len(self.outer))
-        return found
+        places = np.zeros(len(self.facets), dtype=np.int64)
+        places[self.outer] = np.arange(len(self.outer))
+        return places
 
     def edge_numbers(self, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
         """Numbers (k, e) of edges, by local ends in simplices (k, l); edges at one place have one number."""
@@ -157,15 +157,15 @@ class FacetTable:
 
         A pair of a cell and a vertex of it has the number ``cell (d + 1) + vertex``.
         """
-        found = mesh_stars(self.cells, self.mesh.number_of_nodes)
-        if found is not None:
-            return found
+        compiled = mesh_stars(self.cells, self.mesh.number_of_nodes)
+        if compiled is not None:
+            return compiled
         vertex = self.cells.ravel()
         count = np.bincount(vertex, minlength=self.mesh.number_of_nodes)
         start, pairs = np.concatenate([[0], np.cumsum(count)]), np.argsort(vertex, kind="stable")
-        place = np.empty(len(pairs), dtype=np.int32)
-        place[pairs] = np.arange(len(pairs)) - np.repeat(start[:-1], count)
-        return start, pairs, place
+        rank = np.empty(len(pairs), dtype=np.int32)
+        rank[pairs] = np.arange(len(pairs)) - np.repeat(start[:-1], count)
+        return start, pairs, rank
 
     @cached_property
     def _keys(self) -> IntArray:
@@ -228,8 +228,8 @@ def facet_table(mesh: Mesh, places: IntArray | None = None, second: IntArray | N
     if second is not None:
         last = np.isin(facet_keys(cells[:, facet_vertices(dim)].reshape(-1, dim), count), facet_keys(second, count))
         last = last.reshape(cells.shape)
-    found = mesh_facets(cells, placed, count, last)
-    numbers, signs, owners, facets, others = _facets(cells, places, count, last) if found is None else found
+    made = mesh_facets(cells, placed, count, last)
+    numbers, signs, owners, facets, others = _facets(cells, places, count, last) if made is None else made
     points = np.ascontiguousarray(mesh.points)
     compiled = mesh_geometry(points, cells, numbers, signs, len(facets))
     shape = _geometry(points, cells, owners, numbers) if compiled is None else compiled[1:]

@@ -216,16 +216,16 @@ class PatchSmoother:
         (count, facets), cells = batch.facets.shape, batch.cells.shape[1]
         signs = table.signs[batch.cells]
         ends = np.full((count, facets + 1, 2), cells)
-        at = np.broadcast_to(np.arange(cells)[:, None], batch.place.shape[1:])
+        at = np.broadcast_to(np.arange(cells)[:, None], batch.local.shape[1:])
         every = np.arange(count)[:, None, None]
-        ends[every, batch.place, (signs < 0.0).astype(np.int64)] = at
+        ends[every, batch.local, (signs < 0.0).astype(np.int64)] = at
         whole = ~partly[batch.facets]
         freed = self.data.freed(batch.facets)
         fields = patch_fields(self.data.places(batch.facets), ends[:, :facets], whole, cells, freed)
         N = fields.matrix()
         N = np.concatenate([N, np.zeros((count, 1, *N.shape[2:]))], axis=1)
         flat = batch.cells.ravel()
-        seen = N[every, batch.place] * signs[..., None, None, None]
+        seen = N[every, batch.local] * signs[..., None, None, None]
         seen = table.inverse[flat][:, None] @ seen.reshape(len(flat), -1, dim, N.shape[-1])
         seen = seen.reshape(len(flat), element.moments, -1)
         bent = element.matrix(self.data.reference_compliance[flat]) @ seen
@@ -235,14 +235,14 @@ class PatchSmoother:
 
     def _charge(self, batch: Batch, fields: PatchFields, prices: Prices, H: Array, slope: Array) -> None:
         """Add the price of contact tractions to the misfit of patches, in place."""
-        patch, place = np.nonzero(prices.rows[batch.facets] >= 0)
+        patch, local = np.nonzero(prices.rows[batch.facets] >= 0)
         if not len(patch):
             return
-        facet, some = batch.facets[patch, place], np.unique(patch)
+        facet, some = batch.facets[patch, local], np.unique(patch)
         row = prices.rows[facet]
         N = np.zeros((len(H), *fields.nodes.shape[1:], H.shape[1]))
         N[some] = fields.take(some).matrix()
-        on = N[patch, place].reshape(len(patch), -1, H.shape[1])
+        on = N[patch, local].reshape(len(patch), -1, H.shape[1])
         half = prices.offsets[row]
         half = half + np.einsum("fpq,fq->fp", prices.matrices[row], self.moments[facet].reshape(len(facet), -1))
         np.add.at(H, patch, on.transpose(0, 2, 1) @ prices.matrices[row] @ on)
