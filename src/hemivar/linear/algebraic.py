@@ -51,11 +51,11 @@ def algebraic_levels(
     n = matrix.shape[0]
     slots = NodeSlots.single(n) if slots is None else slots
     count, size = slots.nodes * slots.size, slots.size
-    place = sp.csr_array((np.ones(n), (slots.places, np.arange(n))), shape=(count, n))
+    embedding = sp.csr_array((np.ones(n), (slots.places, np.arange(n))), shape=(count, n))
     empty = np.ones(count)
     empty[slots.places] = 0.0
     mean = float(matrix.diagonal().mean())
-    filled = place @ matrix @ place.T + sp.diags_array(mean * empty)
+    filled = embedding @ matrix @ embedding.T + sp.diags_array(mean * empty)
     blocks = sp.csr_array(filled).tobsr((size, size))
     near = np.ones((n, 1)) if near is None else near
     candidates = np.zeros((count, near.shape[1]))
@@ -63,13 +63,13 @@ def algebraic_levels(
     group = np.zeros(slots.nodes, dtype=np.int64)
     if slots.group is not None:
         np.maximum.at(group, slots.places // size, slots.group)
-    found: list[tuple[sp.csr_array, Transfer]] = []
-    while len(found) < _LEVELS and blocks.shape[0] > COARSEST:
-        blocks, prolongation, candidates, group = _coarsened(blocks, candidates, group, finest=not found)
-        if not found:
-            prolongation = sp.csr_array(place.T @ prolongation)
-        found.insert(0, (_regular(sp.csr_array(blocks)), Transfer.of(prolongation)))
-    return found
+    levels: list[tuple[sp.csr_array, Transfer]] = []
+    while len(levels) < _LEVELS and blocks.shape[0] > COARSEST:
+        blocks, prolongation, candidates, group = _coarsened(blocks, candidates, group, finest=not levels)
+        if not levels:
+            prolongation = sp.csr_array(embedding.T @ prolongation)
+        levels.insert(0, (_regular(sp.csr_array(blocks)), Transfer.of(prolongation)))
+    return levels
 
 
 def _coarsened(
@@ -122,17 +122,17 @@ def _aggregates(matrix: sp.bsr_array, group: IntArray, least: float) -> sp.csr_a
     strong = coupling.copy()
     strong.data[strong.data < least] = 0.0
     strong.eliminate_zeros()
-    found = sp.csr_array(standard_aggregation(narrow(strong))[0])
-    alone = np.diff(found.indptr) == 0
+    members = sp.csr_array(standard_aggregation(narrow(strong))[0])
+    alone = np.diff(members.indptr) == 0
     if not alone.any():
-        return found
+        return members
     coupling.data[alone[coupling.indices]] = 0.0
     nearest, strength = _largest_of_rows(coupling)
     of_node = np.zeros(alone.size, dtype=np.int32)
-    of_node[~alone] = found.indices
+    of_node[~alone] = members.indices
     of_node[alone] = of_node[nearest[alone]]
     member = np.flatnonzero(~alone | (strength > 0.0))
-    return narrow(sp.csr_array((np.ones(member.size), (member, of_node[member])), shape=found.shape))
+    return narrow(sp.csr_array((np.ones(member.size), (member, of_node[member])), shape=members.shape))
 
 
 def independent_nodes(near: sp.csr_array, order: IntArray) -> BoolArray:
@@ -144,10 +144,10 @@ def independent_nodes(near: sp.csr_array, order: IntArray) -> BoolArray:
     turned = sp.csr_array(near[order][:, order])
     turned.setdiag(0.0)
     turned.eliminate_zeros()
-    turned, found = narrow(turned), np.full(order.size, -1, dtype=np.int32)
-    amg_core.maximal_independent_set_serial(order.size, turned.indptr, turned.indices, -1, 1, 0, found)
+    turned, marks = narrow(turned), np.full(order.size, -1, dtype=np.int32)
+    amg_core.maximal_independent_set_serial(order.size, turned.indptr, turned.indices, -1, 1, 0, marks)
     out = np.zeros(order.size, dtype=bool)
-    out[order] = found == 1
+    out[order] = marks == 1
     return out
 
 

@@ -107,11 +107,11 @@ def indefinite(matrix: sp.csr_array) -> float | None:
     root = np.sqrt(diagonal)
     n = root.size
     if n <= _DENSE:
-        found = lowest_quotient(matrix)
-        return found if found < -guard else None
+        lowest = lowest_quotient(matrix)
+        return lowest if lowest < -guard else None
     shifted = sp.csc_array(matrix + sp.diags_array(guard * diagonal))
     options = {"SymmetricMode": True, "Equil": False}
-    found = 0.0
+    lowest = 0.0
     try:
         factor = spla.splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         if positive_pivots(factor):
@@ -120,12 +120,12 @@ def indefinite(matrix: sp.csr_array) -> float | None:
         inverse = spla.LinearOperator((n, n), matvec=lambda x: root * factor.solve(root * x.ravel()), dtype=float)
         start = np.random.default_rng(13).standard_normal(n)
         _, vectors = spla.eigsh(inverse, k=1, which="SA", v0=start, tol=1e-3)
-        found = quotient(matrix, vectors[:, 0] / root, diagonal)
+        lowest = quotient(matrix, vectors[:, 0] / root, diagonal)
     except (RuntimeError, spla.ArpackError):
         pass
-    if found >= -guard:
-        found = lowest_quotient(matrix, 200)
-    return found if found < -guard else None
+    if lowest >= -guard:
+        lowest = lowest_quotient(matrix, 200)
+    return lowest if lowest < -guard else None
 
 
 def below_zero(matrix: sp.csr_array, eigenvalue: float, diagonal: Array | None = None) -> float | None:

@@ -180,5 +180,5 @@ class Hierarchy:
             return x, 0
         diagonal = stack.diagonal(top)
         cycle = stack.preconditioner(top)
-        found = conjugate_gradients(A, diagonal, rest, cycle, size, _ITERATIONS, flexible=cycle.flexible)
-        return x + found.solution, found.iterations
+        descent = conjugate_gradients(A, diagonal, rest, cycle, size, _ITERATIONS, flexible=cycle.flexible)
+        return x + descent.solution, descent.iterations

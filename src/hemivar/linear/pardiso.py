@@ -29,11 +29,11 @@ _NO_MEMORY, _NOT_DEFINITE = -2, -4
 @lru_cache(maxsize=1)
 def _pypardiso() -> ModuleType | None:
     try:
-        found = importlib.import_module("pypardiso")
-        found.PyPardisoSolver()  # looks for the library
+        package = importlib.import_module("pypardiso")
+        package.PyPardisoSolver()  # looks for the library
     except (ImportError, OSError):
         return None
-    return found
+    return package
 
 
 def pardiso_available() -> bool:
@@ -58,7 +58,7 @@ class _Handle:
         self._values = np.ascontiguousarray(upper.data)
         self._rows, self._columns = (np.asarray(part + 1, dtype=np.int32) for part in (upper.indptr, upper.indices))
 
-    def run(self, phase: int, given: Array, found: Array) -> int:
+    def run(self, phase: int, load: Array, solution: Array) -> int:
         """Returns the error, 0 if there was none."""
 
         def whole(value: int) -> object:
@@ -68,7 +68,7 @@ class _Handle:
         marks, rows, columns, options = (
             _pointer(part, ctypes.c_int32) for part in (self._marks, self._rows, self._columns, self.options)
         )
-        values, right, left = (_pointer(part, ctypes.c_double) for part in (self._values, given, found))
+        values, right, left = (_pointer(part, ctypes.c_double) for part in (self._values, load, solution))
         self._call(
             _pointer(self._memory, ctypes.c_int64), whole(1), whole(1), whole(self._kind), whole(phase),
             whole(self._size), values, rows, columns, marks, whole(1), options, whole(0), right, left,

@@ -49,11 +49,11 @@ class _Maker:
 
         The library cannot be stopped in the middle.  Python must not shut down beside it: the end of the process waits.
         """
-        done, found, failed = threading.Event(), [], []  # type: ignore[var-annotated]
+        done, factors, failed = threading.Event(), [], []  # type: ignore[var-annotated]
 
         def run() -> None:
             try:
-                found.append(work())
+                factors.append(work())
             except BaseException as error:
                 failed.append(error)
             done.set()
@@ -66,7 +66,7 @@ class _Maker:
             raise
         if failed:
             raise failed[0]
-        return found
+        return factors
 
     def drop(self, made: list[spla.SuperLU]) -> None:
         """Empty a list of factors that were made here."""

@@ -188,13 +188,13 @@ def contact_states(
     lifted, pulled = penetration < -small, pressure < -weak
     normal = np.full(len(local), _CONTACT, dtype=np.int64)
     opened = lifted & (np.abs(pressure) <= weak)
-    held = pulled & lifted
+    bonded = pulled & lifted
     if (pulled & ~lifted).any():  # by a law that pulls where it touches, and not by what a solver leaves
-        held = pulled & law.pulls(local) | held
-    if (opened | held).any():
+        bonded = pulled & law.pulls(local) | bonded
+    if (opened | bonded).any():
         if past_peak is None:
             past_peak = law.past_peak(local, -pressure, small, weak)
-        normal = np.where(held, np.where(past_peak, _SOFTENING, _BONDED), normal)
+        normal = np.where(bonded, np.where(past_peak, _SOFTENING, _BONDED), normal)
         normal = np.where(opened, np.where(past_peak, _DEBONDED, _OPEN), normal)
     tangential = np.zeros(len(local), dtype=np.int64)
     if local.shape[1] > 1:

@@ -42,9 +42,9 @@ def others(first: Solver, ended: Status, problem: DiscreteProblem) -> Iterator[S
             yield other
 
 
-def took_over(found: Solution, failed: Sequence[Solution]) -> str:
+def took_over(solution: Solution, failed: Sequence[Solution]) -> str:
     """The sentence of a result by a method that was tried after others."""
-    return f"{found.method} took over: {'; '.join(_ended(one) for one in failed)}"
+    return f"{solution.method} took over: {'; '.join(_ended(one) for one in failed)}"
 
 
 def best_of(failed: Sequence[Solution]) -> Solution:

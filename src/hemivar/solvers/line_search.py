@@ -45,7 +45,7 @@ class LineEnd:
 
     x: Array  # (m, d) or (n,)
     force: Array  # of the shape of x: load minus elastic force there
-    gain: float  # change of the energy, at most zero
+    energy_change: float  # change of the energy, at most zero
     tries: int = 0  # evaluations of the energy
     endless: bool = False  # whether the energy falls without end along the line
 
@@ -83,10 +83,10 @@ class SearchLine:
         search: Search = Search.GLOBAL,
     ) -> SearchLine:
         """The line from a point; ``bent`` is the elastic force that the direction takes away."""
-        value, force, way = system.law.value(at.r), at.force.ravel(), direction.ravel()
+        value, force, flat = system.law.value(at.r), at.force.ravel(), direction.ravel()
         slope, square, size = system.vectors.total(
-            float(force @ way),
-            float(way @ bent.ravel()),
+            float(force @ flat),
+            float(flat @ bent.ravel()),
             float(np.abs(force) @ np.abs(at.x.ravel())) + float(system.weights @ np.abs(value)),
         ).tolist()
         along, rounding = system.at_contact(direction), _ROUNDED * (abs(slope) + size)
@@ -110,7 +110,7 @@ class SearchLine:
         if convex and self._promised <= self.rounding:
             # No energy tells the places apart: slopes do.
             length = self._closed_in(self._slope_cut, self._first, 1.0).length
-            return self._end(length, self.cut(length), min(self.gain(length, self.cut(length)), 0.0), 2)
+            return self._end(length, self.cut(length), min(self.energy_change(length, self.cut(length)), 0.0), 2)
         if convex and gained <= -_ENOUGH * self._promised:
             return self._best(ends)
         return self._best([*ends, *(end for end, _ in self._bottoms(1.0, cut_until=1.0, straight=straight))])
@@ -120,9 +120,9 @@ class SearchLine:
 
         Where the energy falls without end, a point far beyond the knots.
         """
-        found = self._bottoms(unit)
-        best = self._best([end for end, _ in found])
-        return replace(best, endless=any(endless for _, endless in found))
+        bottoms = self._bottoms(unit)
+        best = self._best([end for end, _ in bottoms])
+        return replace(best, endless=any(endless for _, endless in bottoms))
 
     def _bottoms(
         self, unit: float, cut_until: float = math.inf, straight: bool = False
@@ -131,11 +131,11 @@ class SearchLine:
         ends; and whether the energy falls without end there."""
         low, knots = self._bottom_across(unit)
         length, endless = self._within(low, unit)
-        found = [(self._look(length, self.across(length, knots)), endless)]
+        bottoms = [(self._look(length, self.across(length, knots)), endless)]
         if not straight:
             length, endless = self._within(self._closed_in(self._slope_cut, min(self._first, unit), cut_until), unit)
-            found.append((self._look(length, self.cut(length)), endless))
-        return found
+            bottoms.append((self._look(length, self.cut(length)), endless))
+        return bottoms
 
     def _within(self, low: Bottom, unit: float) -> tuple[float, bool]:
         """The length of a bottom, or one far beyond the knots; and whether the energy falls without end."""
@@ -155,7 +155,7 @@ class SearchLine:
         return LineEnd(self.at.x, self.at.force, 0.0, len(ends))
 
     def _look(self, length: float, candidate: Array) -> tuple[float, float, Array]:
-        return self.gain(length, candidate), length, candidate
+        return self.energy_change(length, candidate), length, candidate
 
     # ---- straight across the pieces -----------------------------------------------------------------------
 
@@ -197,10 +197,10 @@ class SearchLine:
         system, r, along = self.system, self.cut(length), self.along
         extra = self._aside(length, r)
         stopped = np.abs(extra) > _MET * (np.abs(r) + np.abs(length * along))
-        way = np.where(stopped, 0.0, along)
+        direction = np.where(stopped, 0.0, along)
         contact = self._pull(length) + system.couple(extra)
-        law = system.weights @ np.einsum("mi,mi->m", system.law.linearise(r).gradient, way)
-        own = float(np.vdot(extra, self._at_contact[0])) + float(np.vdot(contact, way - along)) + float(law)
+        law = system.weights @ np.einsum("mi,mi->m", system.law.linearise(r).gradient, direction)
+        own = float(np.vdot(extra, self._at_contact[0])) + float(np.vdot(contact, direction - along)) + float(law)
         return length * self.square - self.slope + float(system.vectors.total(own)[0])
 
     @cached_property
@@ -228,7 +228,7 @@ class SearchLine:
 
     # ---- the energy -----------------------------------------------------------------------------------------
 
-    def gain(self, length: float, candidate: Array) -> float:
+    def energy_change(self, length: float, candidate: Array) -> float:
         """Change of the energy, free of the cancellation of two large energies, and no lower than rounding lets it be.
 
         Along a motion that hardly deforms the body its forces are rounding, the larger the further it leads.
@@ -299,23 +299,23 @@ class SearchLine:
             if knot is None:
                 break
             above, below = knot * (1.0 + _BESIDE), knot * (1.0 - _BESIDE)
-            if (found := slope(above)) < 0.0:
-                low, at_low = above, found
-            elif (found := slope(below)) < 0.0:
+            if (at_middle := slope(above)) < 0.0:
+                low, at_low = above, at_middle
+            elif (at_middle := slope(below)) < 0.0:
                 return knot
             else:
-                high, at_high = below, found
+                high, at_high = below, at_middle
         middle = low
         for _ in range(_LOOKS):
             part = at_low / (at_low - at_high) if 0.0 < at_high - at_low < math.inf else 0.5
             middle = low + min(max(part, 1e-3), 1.0 - 1e-3) * (high - low)
-            found = slope(middle)
-            if abs(found) <= level or high - low <= _BESIDE * high:
+            at_middle = slope(middle)
+            if abs(at_middle) <= level or high - low <= _BESIDE * high:
                 break
-            if found < 0.0:
-                low, at_low = middle, found
+            if at_middle < 0.0:
+                low, at_low = middle, at_middle
             else:
-                high, at_high = middle, found
+                high, at_high = middle, at_middle
         return middle
 
     def _middle_exit(self, low: float, high: float) -> float | None:

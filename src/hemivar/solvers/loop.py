@@ -98,8 +98,8 @@ def steps(
             if finite and (rank <= best_rank or certified):
                 best, best_rank = state, rank
             smallest = min(smallest, now.total if finite else np.inf)
-            told = controls.callback is not None and controls.callback(history[-1])
-            stop = (yield history[-1]) or told
+            asked = controls.callback is not None and controls.callback(history[-1])
+            stop = (yield history[-1]) or asked
             due = float(vectors.largest(CALLED if stop else budget.due())[0])
             size = _largest(system, state.r) if far != np.inf else 0.0
             away = away + 1 if size > far else 0
@@ -215,13 +215,13 @@ def finish(
     if not system.vectors.largest(float(outside))[0] and law is not None:
         multipliers.append(np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam))
     unknowns, residuals = system.recover(state.r, *multipliers)
-    multiplier, found = state.lam, residuals[0]
-    if residuals[-1].total <= found.total + found.rounding:
-        multiplier, found = multipliers[-1], residuals[-1]
+    multiplier, residual = state.lam, residuals[0]
+    if residuals[-1].total <= residual.total + residual.rounding:
+        multiplier, residual = multipliers[-1], residuals[-1]
     if status is Status.INTERRUPTED:  # whoever asked for it must be told, however far it came
-        return unknowns, multiplier, found, status
-    if found.below(controls.atol, controls.rtol):
+        return unknowns, multiplier, residual, status
+    if residual.below(controls.atol, controls.rtol):
         status = Status.CONVERGED
-    elif status is Status.CONVERGED and not found.below(0.0, excused):
+    elif status is Status.CONVERGED and not residual.below(0.0, excused):
         status = Status.INACCURATE
-    return unknowns, multiplier, found, status
+    return unknowns, multiplier, residual, status

@@ -153,10 +153,10 @@ class NonsmoothMultigrid(TruncatedNewton):
         x = system.moved(x, snap_to_kinks(system, system.local(x)))
         for _ in range(_CORRECTED):
             at = LinearisedPoint.of(system, x, system.local(x), system.out_of_balance(x))
-            found = equation.solve(at, self.accuracy)
-            line = SearchLine.of(system, at, found.step, found.bent)
+            correction = equation.solve(at, self.accuracy)
+            line = SearchLine.of(system, at, correction.step, correction.bent)
             near = line.cut(1.0)
-            if found.negative is not None or not line.straight(near):
+            if correction.negative is not None or not line.straight(near):
                 return None
             x, _ = line.end(1.0, near)
         return x
@@ -203,9 +203,9 @@ def _solution_below(rough: Solver, direct: Solver, below: Body, budget: Budget) 
     x, stopped = nested_guess(rough, direct, below, budget)
     if stopped is not None:
         return x, stopped
-    found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
-    rough.release(found)
-    return None if status in _LOST else found.r, status if status in STOPPED else None
+    end, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
+    rough.release(end)
+    return None if status in _LOST else end.r, status if status in STOPPED else None
 
 
 def _solved(
@@ -218,9 +218,9 @@ def _solved(
         quick = active_set_newton(system, r, lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
         if quick is not None:
             return quick.unknowns, None
-    found, status, _ = iterate(direct, system, State(r, lam), controls, budget)
-    direct.release(found)
-    return None if status in _LOST else system.unknowns(found.r), status if status in STOPPED else None
+    end, status, _ = iterate(direct, system, State(r, lam), controls, budget)
+    direct.release(end)
+    return None if status in _LOST else system.unknowns(end.r), status if status in STOPPED else None
 
 
 def _bent(system: Body) -> bool:

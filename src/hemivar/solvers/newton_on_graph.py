@@ -141,19 +141,19 @@ class GraphEquation:
 
         The point, what is out of balance there, and the cycles.
         """
-        system, place = self.system, point.on.r
+        system, r = self.system, point.on.r
         if not system.active.all():
-            place = np.where(system.active, place, system.fixed)
-        first = system.moved(point.x, place)
+            r = np.where(system.active, r, system.fixed)
+        first = system.moved(point.x, r)
         if point.force is None:
             force = system.out_of_balance(first)
         else:
             force = point.force - system.multiply_contact(first - point.x)
         at = LinearisedPoint.on_graph(system, first, force, point.on, self.stiffness)
-        found = self.equation.solve(at, accuracy)
-        if not found.convex or found.negative is not None or not math.isfinite(float(found.step.sum())):
+        correction = self.equation.solve(at, accuracy)
+        if not correction.convex or correction.negative is not None or not math.isfinite(float(correction.step.sum())):
             return None
-        return first + found.step, force - found.bent, found.cycles
+        return first + correction.step, force - correction.bent, correction.cycles
 
 
 @dataclass(eq=False)
@@ -180,11 +180,11 @@ class NewtonCache:
         """What makes the rounds in one call, where it can."""
         known = self._known
         if known is None or known[0] is not chart or known[1] is not system.matrix:
-            body, found = system.body, None
+            body, rounds = system.body, None
             tables = chart.in_one if isinstance(chart, ContactChart) else None
             if body.everywhere and system.shape[1] < 3 and tables is not None:
-                found = compiled_rounds(tables[0], system.matrix, system.weights, body.resilience, tables[1])
-            known = self._known = chart, system.matrix, found
+                rounds = compiled_rounds(tables[0], system.matrix, system.weights, body.resilience, tables[1])
+            known = self._known = chart, system.matrix, rounds
         return known[2]
 
 
@@ -240,8 +240,8 @@ def active_set_newton(
             return None
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
-        place = system.problem.contact.trace_of(unknowns) - system.problem.offset
-        residual = _residual(system, unknowns, place, of_law, start, compiled, out_of_balance)
+        local = system.problem.contact.trace_of(unknowns) - system.problem.offset
+        residual = _residual(system, unknowns, local, of_law, start, compiled, out_of_balance)
         if residual.below(controls.atol, controls.rtol):
             solution = Solution(
                 problem=system.problem,
@@ -258,7 +258,7 @@ def active_set_newton(
                     "recover": time.perf_counter() - iterated,
                 },
             )
-            vars(solution)["local"] = place  # what the property would find
+            vars(solution)["local"] = local  # what the property would find
             return solution
     return None
 
@@ -303,12 +303,12 @@ def _compiled_pairs(start: _Start, compiled: CompiledRounds) -> Iterator[_Pair]:
     r, lam, number = start.r, start.lam, 0
     atol, rtol = _PART * start.controls.atol, _PART * start.controls.rtol
     while number < start.rounds:
-        found = compiled.run(start.system.load, r, lam, start.rounds - number, atol, rtol, start.load)
-        if found is None or not found.settled:
+        rounds = compiled.run(start.system.load, r, lam, start.rounds - number, atol, rtol, start.load)
+        if rounds is None or not rounds.settled:
             return
-        r, lam, number = found.r, found.lam, number + found.count
-        if start.close(found.missed, found.force):
-            yield number, r, found.of_law
+        r, lam, number = rounds.r, rounds.lam, number + rounds.count
+        if start.close(rounds.missed, rounds.force):
+            yield number, r, rounds.of_law
 
 
 def _pairs(start: _Start) -> Iterator[_Pair]:
@@ -318,8 +318,8 @@ def _pairs(start: _Start) -> Iterator[_Pair]:
     r = start.r if whole else np.where(system.active, start.r, system.fixed)
     point = equation.begin(r, start.lam)
     for number in range(1, start.rounds + 1):
-        found = None if point is None else equation.step(point, _DIRECT)
-        point = None if found is None else equation.at(*found[:2])
+        step = None if point is None else equation.step(point, _DIRECT)
+        point = None if step is None else equation.at(*step[:2])
         if point is None:
             return
         missed, of_law = norm(equation.missed(point)), point.on.multiplier
@@ -386,8 +386,8 @@ def _residual(
         return Residual.of(norm(balance), inclusion, scale, size, rest.size)
 
     if known is not None:
-        found = of(known(u))
-        tolerance = controls.atol + controls.rtol * found.scale
-        if found.noise <= tolerance and found.total <= tolerance:
-            return found
+        residual = of(known(u))
+        tolerance = controls.atol + controls.rtol * residual.scale
+        if residual.noise <= tolerance and residual.total <= tolerance:
+            return residual
     return of(ForceResidual(*balanced(problem, u, body.entries)))

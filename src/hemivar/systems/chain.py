@@ -160,8 +160,8 @@ class Chain(Segments, Curves):
         factor = self.factors(values, lam_values)
         ends = np.stack([self.pick(self.low, segment), self.pick(self.high, segment)])
         ends = np.where(np.isfinite(ends), factor * np.where(np.isfinite(ends), ends, 0.0), ends)
-        held = (dr == 0.0) & (from_balance >= ends.min(axis=0)) & (from_balance <= ends.max(axis=0))
-        lam[point, column] = np.where(held, from_balance, lam[point, column])
+        fixed = (dr == 0.0) & (from_balance >= ends.min(axis=0)) & (from_balance <= ends.max(axis=0))
+        lam[point, column] = np.where(fixed, from_balance, lam[point, column])
         return r, lam
 
     def error(self, theta: Array, segment: IntArray) -> Array:
@@ -203,8 +203,8 @@ class Chain(Segments, Curves):
         for s in range(self.kink.shape[1]):
             choice = np.minimum(np.full(self.size, s), self.count - 1)
             at = np.clip(self.at(r, lam, choice), self.pick(self.start, choice), self.pick(self.end, choice))
-            found, found_lam, _, _ = self.evaluate(at, choice)
-            distance = np.abs(found - r) + self.tau * np.abs(found_lam - lam)
+            trial, trial_lam, _, _ = self.evaluate(at, choice)
+            distance = np.abs(trial - r) + self.tau * np.abs(trial_lam - lam)
             closer = distance < best
             best = np.where(closer, distance, best)
             theta, segment = np.where(closer, at, theta), np.where(closer, choice, segment)

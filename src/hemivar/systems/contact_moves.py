@@ -18,7 +18,7 @@ __all__ = [
     "Search",
     "best_component",
     "diagonal_step",
-    "gain",
+    "energy_change",
     "majorant",
     "moving_curvature",
     "snap_to_kinks",
@@ -46,7 +46,7 @@ class ContactStep:
     """A step of the local displacements."""
 
     r: Array  # (m, d): where it leads; where it began if it was given up
-    gain: float  # change of the energy, at most 0 unless the step began outside of the domain of the laws
+    energy_change: float  # change of the energy, at most 0 unless the step began outside of the domain of the laws
     tries: int  # evaluations of the energy
     factor: float  # how much stiffer than its diagonal the body had to be
     value: Array  # (m,): j(r) where it leads
@@ -54,7 +54,7 @@ class ContactStep:
     unbounded: bool = False  # whether the energy of a point falls without end; ``r`` is where it began then
 
 
-def gain(body: ContactSystem, step: Array, bent: Array, force: Array, change: Array) -> float:
+def energy_change(body: ContactSystem, step: Array, bent: Array, force: Array, change: Array) -> float:
     """Part of this process of the change of energy with a step, free of the cancellation of two large energies.
 
     ``bent`` is what the step takes away from the elastic ``force``, ``change (m,)`` that of j(r); all other (m, d).
@@ -112,7 +112,7 @@ def diagonal_step(
         bent = body.couple(new - r)
         if not feasible:
             return ContactStep(new, 0.0, attempt, factor, there, force - bent)
-        (gained,) = vectors.total(gain(body, new - r, bent, force, there - value)).tolist()
+        (gained,) = vectors.total(energy_change(body, new - r, bent, force, there - value)).tolist()
         if gained <= 0.0:
             return ContactStep(new, gained, attempt, factor, there, force - bent)
         factor *= _STIFFER

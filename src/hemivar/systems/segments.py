@@ -133,7 +133,7 @@ def graph_segments(law: Superpotential, m: int, point: IntArray, tau: Array) -> 
         here = 2 * k
         low[:, here] = knots[:, k - 1] if k else -np.inf
         high[:, here] = np.where(finite[:, k], knots[:, k], np.inf) if k < width else np.inf
-        bend[:, here], affine[:, here] = (found[point] for found in straightness(law, np.full(m, k)))
+        bend[:, here], affine[:, here] = (part[point] for part in straightness(law, np.full(m, k)))
         there = finite[:, k - 1] if k else np.ones(n, dtype=bool)
         met = there & (high[:, here] > lower) & (low[:, here] < upper)
         same = (
@@ -188,14 +188,14 @@ def graph_segments(law: Superpotential, m: int, point: IntArray, tau: Array) -> 
 def joined_rows(parts: list[Segments], order: list[IntArray]) -> Segments:
     """Rows of several tables in one: row i of a part becomes row ``order[part][i]``."""
     width = max(part.kink.shape[1] for part in parts)
-    place = np.argsort(np.concatenate(order))
+    position = np.argsort(np.concatenate(order))
 
     def wide(table: NDArray[_Scalar], fill: float | bool) -> NDArray[_Scalar]:
         return np.pad(table, ((0, 0), (0, width - table.shape[1])), constant_values=fill)
 
     tables = {
-        item.name: np.concatenate([wide(getattr(part, item.name), _PADDING[item.name]) for part in parts])[place]
+        item.name: np.concatenate([wide(getattr(part, item.name), _PADDING[item.name]) for part in parts])[position]
         for item in fields(Segments)
         if item.name != "count"
     }
-    return Segments(np.concatenate([part.count for part in parts])[place], **tables)
+    return Segments(np.concatenate([part.count for part in parts])[position], **tables)
