@@ -16,7 +16,6 @@ from hemivar.linear.truncated_level import narrow
 
 __all__ = ["NodeSlots", "algebraic_levels", "independent_nodes", "near_each_other"]
 
-_LEVELS = 20
 #: Sweeps that smooth the near null space of the finest level, on which supports bend it.
 _SWEEPS = 4
 #: Nodes are coupled strongly from this part of the root of the product of their own blocks on: in the given matrix, and
@@ -24,8 +23,6 @@ _SWEEPS = 4
 _STRONG = (0.04, 0.08)
 #: Jacobi step that smooths the prolongation, relative to the largest eigenvalue.
 _DAMPING = 1.6
-_LANCZOS = 60
-_ACCURACY = 0.01
 #: Diagonal entries below this part of the largest belong to unknowns that nothing reaches.
 _GONE = 1e-14
 #: Nodes of a block of the smoother at least: fewer stand in one block in any order.
@@ -33,8 +30,6 @@ _FEW_NODES = 512
 #: Mean distance of neighbours, as a part of the nodes, from which on they are scattered. Nodes by lines and planes stay
 #: below a tenth; mesh generators, which begin with the boundary, and refinement lie at a fifth.
 _SCATTERED = 0.1
-#: Unknowns that are looked at.
-_SAMPLE = 1000
 
 
 def algebraic_levels(
@@ -64,7 +59,7 @@ def algebraic_levels(
     if slots.group is not None:
         np.maximum.at(group, slots.places // size, slots.group)
     levels: list[tuple[sp.csr_array, Transfer]] = []
-    while len(levels) < _LEVELS and blocks.shape[0] > COARSEST:
+    while len(levels) < 20 and blocks.shape[0] > COARSEST:
         blocks, prolongation, candidates, group = _coarsened(blocks, candidates, group, finest=not levels)
         if not levels:
             prolongation = sp.csr_array(embedding.T @ prolongation)
@@ -180,14 +175,14 @@ def _largest_eigenvalue(matrix: sp.bsr_array, scale: Array) -> float:
     before, beta, top = np.zeros_like(v), 0.0, 1.0
     along: list[float] = []
     beside: list[float] = []
-    for _ in range(_LANCZOS):
+    for _ in range(60):
         w = scale * (matrix @ (scale * v)) - beta * before
         along.append(float(v @ w))
         w -= along[-1] * v
         beta = float(np.linalg.norm(w))
         values, vectors = la.eigh_tridiagonal(along, beside)
         top = float(values[-1])
-        if beta * abs(vectors[-1, -1]) <= _ACCURACY * top:
+        if beta * abs(vectors[-1, -1]) <= 0.01 * top:
             break
         beside.append(beta)
         before, v = v, w / beta
@@ -221,7 +216,7 @@ def near_each_other(slots: NodeSlots, matrix: sp.csr_array) -> NodeSlots:
 
 def _mean_distance(node: IntArray, matrix: sp.csr_array) -> float:
     """How far apart coupled nodes are in their order, on the average, seen from some of the rows."""
-    step = max(1, matrix.shape[0] // _SAMPLE)
+    step = max(1, matrix.shape[0] // 1000)  # a thousand rows tell it
     rows = sp.csr_array(matrix[::step])
     own = np.repeat(node[::step], np.diff(rows.indptr))
     return float(np.abs(node[rows.indices] - own).mean()) if rows.nnz else 0.0

@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.linear.products import portions, product
 
 __all__ = [
+    "DENSE",
     "below_zero",
     "indefinite",
     "lowest_quotient",
@@ -25,7 +26,8 @@ __all__ = [
     "rounding",
 ]
 
-_DENSE = 400
+#: Unknowns up to which all eigenvalues are computed: as many as levels have where they are solved densely.
+DENSE = 400
 #: What rounding in the entries may amount to, in units of the last place of the largest row.
 _ULPS = 64.0
 
@@ -52,7 +54,7 @@ def lowest_quotient(matrix: sp.csr_array, steps: int = 40) -> float:
     n = root.size
     if n == 0:
         return 1.0
-    if n <= _DENSE:
+    if n <= DENSE:
         _, vectors = np.linalg.eigh(matrix.toarray() / np.outer(root, root))
         return quotient(matrix, vectors[:, 0] / root, diagonal)
     scaled = spla.LinearOperator((n, n), matvec=lambda x: (matrix @ (x.ravel() / root)) / root, dtype=float)
@@ -106,7 +108,7 @@ def indefinite(matrix: sp.csr_array) -> float | None:
     diagonal = matrix.diagonal()
     root = np.sqrt(diagonal)
     n = root.size
-    if n <= _DENSE:
+    if n <= DENSE:
         lowest = lowest_quotient(matrix)
         return lowest if lowest < -guard else None
     shifted = sp.csc_array(matrix + sp.diags_array(guard * diagonal))

@@ -16,6 +16,7 @@ from hemivar.linear.vectors import WHOLE, Vectors
 
 __all__ = ["Descent", "Matrix", "conjugate_gradients", "minimal_residuals"]
 
+#: Part of the curvature of the diagonal that is none: sums of some thousand products round to that.
 _FLAT = 1e-12
 #: Entries from which compiled sums are worth their call.
 _LONG = 4096

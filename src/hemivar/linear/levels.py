@@ -31,7 +31,9 @@ __all__ = ["COARSEST", "LevelMatrix", "Levels", "Preconditioner", "Transfer", "T
 #: Unknowns that the coarsest level, which is solved densely, should have at most.
 COARSEST = 400
 
+#: Part of the largest eigenvalue of a scaled matrix below which it is singular: half the digits of one that is summed.
 _PIVOT = 1e-10
+#: How many times stiffer than the body a law makes a contact unknown before its points are smoothed beforehand.
 _STIFF = 2.0
 #: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
 #: of a node on a line, two on a plane.

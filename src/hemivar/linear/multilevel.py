@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["GridLevel", "Hierarchy"]
 
+#: Part of the load that a coarser level leaves of its solution, which is a start on the next one.
 _NESTED = 1e-3
-_ITERATIONS = 100
 
 
 def _regular(n: int, near: Array | None) -> NodeSlots:
@@ -180,5 +180,5 @@ class Hierarchy:
             return x, 0
         diagonal = stack.diagonal(top)
         cycle = stack.preconditioner(top)
-        descent = conjugate_gradients(A, diagonal, rest, cycle, size, _ITERATIONS, flexible=cycle.flexible)
+        descent = conjugate_gradients(A, diagonal, rest, cycle, size, 100, flexible=cycle.flexible)
         return x + descent.solution, descent.iterations

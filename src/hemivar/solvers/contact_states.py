@@ -14,10 +14,19 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import VectorLaw
 
-__all__ = ["KINDS", "ContactStates", "Kind", "NormalState", "TangentialState", "contact_states", "state_words"]
+__all__ = [
+    "KINDS",
+    "ROUNDING",
+    "ContactStates",
+    "Kind",
+    "NormalState",
+    "TangentialState",
+    "contact_states",
+    "state_words",
+]
 
 #: What is rounding, of the largest displacement and multiplier.
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 
 
 class NormalState(IntEnum):
@@ -183,7 +192,7 @@ def contact_states(
     """
     if sizes is None:
         sizes = float(np.abs(local).max(initial=0.0)), float(np.abs(multiplier).max(initial=0.0))
-    small, weak = _ROUNDING * sizes[0], _ROUNDING * sizes[1]
+    small, weak = ROUNDING * sizes[0], ROUNDING * sizes[1]
     penetration, pressure = local[:, 0], multiplier[:, 0]
     lifted, pulled = penetration < -small, pressure < -weak
     normal = np.full(len(local), _CONTACT, dtype=np.int64)

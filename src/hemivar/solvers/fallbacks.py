@@ -25,9 +25,6 @@ __all__ = ["LOWER", "best_of", "others", "took_over"]
 #: What is said of a state downhill from rest beside which there is one of less energy.
 LOWER = "a state with lower energy exists, across a barrier; this one was found downhill from the unloaded state"
 
-#: Part of the way that a fixed point moves where it did not contract.
-_RELAXED = 0.3
-
 
 def others(first: Solver, ended: Status, problem: DiscreteProblem) -> Iterator[Solver]:
     """The methods to be tried after one that failed, in their order; none that refuses the problem.
@@ -67,7 +64,7 @@ def _frozen(solver: Solver, problem: DiscreteProblem) -> Solver | None:
 def _relaxed(solver: Solver, problem: DiscreteProblem) -> Solver | None:
     """The fixed point in smaller steps."""
     fixed = solver.fallback if isinstance(solver, SemismoothNewton) else solver
-    return replace(fixed, relaxation=_RELAXED, max_outer=200) if isinstance(fixed, FixedPoint) else None
+    return replace(fixed, relaxation=0.3, max_outer=200) if isinstance(fixed, FixedPoint) else None
 
 
 def _careful(solver: Solver, problem: DiscreteProblem) -> Solver | None:

@@ -24,8 +24,8 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["FixedPoint", "Outer"]
 
 _FATAL = (Status.NONFINITE, Status.UNBOUNDED, Status.NOT_CARRIED)
-#: Relative residual of an ordinary problem that has no solution, and after how many of them in a row there is none.
-_OFF, _UNSOLVED = 1e-3, 2
+#: Relative residual of an ordinary problem that has no solution; two of them in a row end the iteration.
+_OFF = 1e-3
 #: Multiples of the multiplier by which a bound is evaluated, one after the other, until friction holds the body: where
 #: it begins pressure may be elsewhere, or less, than in the end.
 _HOLDS = (1.0, 8.0, 64.0)
@@ -139,7 +139,7 @@ class FixedPoint(Solver):
         contraction = float(np.exp(np.mean(np.log(np.maximum(ratios[-4:], 1e-300))))) if ratios else state.contraction
         off = status is not Status.CONVERGED and not ordinary.residual(inner.r, inner.lam).relative <= _OFF
         unsolved = memory.unsolved + 1 if off else 0
-        ended = Status.STALLED if unsolved >= _UNSOLVED else None
+        ended = Status.STALLED if unsolved >= 2 else None
         if settled and part != 1.0:
             ended = Status.UNBOUNDED
         elif settled and status is not Status.CONVERGED:

@@ -21,16 +21,18 @@ from hemivar.systems.contact_moves import Search
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import LinearisedPoint
 
-__all__ = ["Bottom", "LineEnd", "SearchLine", "bottom_of_pieces", "energy_scale"]
+__all__ = ["ARMIJO", "ENERGY_ROUNDING", "Bottom", "LineEnd", "SearchLine", "bottom_of_pieces", "energy_scale"]
 
 #: What rounding makes of the energy along a line, relative to its parts.
 _ROUNDED = 1e-15
-#: Part of what the slope promises from which a whole step is good enough.
-_ENOUGH = 0.1
+#: Part of what the slope promises from which a step is good enough (Armijo 1966).
+ARMIJO = 0.1
+#: What rounding makes of an energy over a step, relative to its parts.
+ENERGY_ROUNDING = 1e-14
 #: Part of a length by which one is beside a knot, and within which a knot is met.
 _BESIDE, _MET = 1e-10, 1e-12
-#: The least length, how lengths grow until the energy rises, how often, and the most looks that close a bottom in.
-_NEAREST, _FURTHER, _GROWN, _LOOKS = 2.0**-60, 4.0, 60, 100
+#: The most looks that close a bottom in.
+_LOOKS = 100
 #: Part of the slope at the beginning that is none at a bottom.
 _LEVEL = 1e-3
 #: How far, in units of the way from zero, pieces are looked for.
@@ -111,7 +113,7 @@ class SearchLine:
             # No energy tells the places apart: slopes do.
             length = self._closed_in(self._slope_cut, self._first, 1.0).length
             return self._end(length, self.cut(length), min(self.energy_change(length, self.cut(length)), 0.0), 2)
-        if convex and gained <= -_ENOUGH * self._promised:
+        if convex and gained <= -ARMIJO * self._promised:
             return self._best(ends)
         return self._best([*ends, *(end for end, _ in self._bottoms(1.0, cut_until=1.0, straight=straight))])
 
@@ -278,15 +280,15 @@ class SearchLine:
 
     def _closed_in(self, slope: Callable[[float], float], first: float, most: float) -> Bottom:
         """The first bottom that is seen where lengths grow from ``first`` on, up to ``most``."""
-        behind = max(first, _NEAREST) * (1.0 + 2.0 * _BESIDE)
+        behind = max(first, 2.0**-60) * (1.0 + 2.0 * _BESIDE)
         low, high, at_low = 0.0, min(behind, most), -2.0 * self._promised
-        for _ in range(_GROWN):
+        for _ in range(60):
             at_high = slope(high)
             if at_high >= 0.0:
                 return Bottom(self._between(slope, low, high, at_low, at_high))
             if high >= most:
                 return Bottom(most)
-            low, high, at_low = high, min(_FURTHER * high, most), at_high
+            low, high, at_low = high, min(4.0 * high, most), at_high
         return Bottom(0.0, endless=True)
 
     def _between(

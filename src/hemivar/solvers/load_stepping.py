@@ -22,10 +22,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["Climb", "LoadStepping", "Reached", "SystemClimb"]
 
-#: Part of the load that is rounding, the shortest step, and the residual of an equilibrium that rounding hides.
-_ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-8
-#: How many times its own limit of steps a method has at a load: below the largest one its steps win little.
-_PATIENCE = 4
+#: The shortest step of the load factor, and the residual of an equilibrium that rounding hides.
+_SHORTEST, _NEAR = 1e-5, 1e-8
 
 
 def _local_descent() -> Solver:
@@ -125,7 +123,7 @@ class LoadStepping(Solver):
     def _next(self, low: float, failed: float, length: float) -> float:
         """The next load factor: halfway to one that failed, and that one itself from close by."""
         if failed == np.inf:
-            return low + length if low + length < 1.0 - _ROUNDED else 1.0
+            return low + length if low + length < 1.0 - 1e-9 else 1.0
         return failed if self._close(low, failed) else 0.5 * (low + failed)
 
     def _close(self, low: float, high: float) -> bool:
@@ -237,7 +235,7 @@ class SystemClimb(Climb):
         inner, system, budget = self.method.inner, self.system.for_problem(self.line.at(factor)), self.budget
         full = float(np.linalg.norm(self.system.problem.load))
         r = system.start(start.r)
-        most = _PATIENCE * inner.default_steps
+        most = 4 * inner.default_steps  # below the largest load steps win little
         controls = Controls(rtol=0.0, atol=self.method.rtol * full, max_time=budget.left, max_steps=most)
         end, status, _ = iterate(inner, system, State(r, system.multiplier(r)), controls, budget)
         inner.release(end)

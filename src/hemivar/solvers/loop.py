@@ -24,8 +24,8 @@ _UNKNOWN = np.zeros(1, dtype=bool)
 #: What no progress is over the steps that a method has patience for: of the residual, and part of all energy won.
 _LITTLE, _WON = 0.999, 1e-8
 #: Extents of the body beyond which it is lost on laws that may let it go, or, where none is known, times what the load
-#: would press a contact point in; and how many steps in a row it must be there.
-_FAR, _BEYOND, _GONE = 100.0, 1e12, 3
+#: would press a contact point in.
+_FAR, _BEYOND = 100.0, 1e12
 
 #: Called with every state and the history up to it.
 Watch = Callable[[State, tuple[Progress, ...]], None]
@@ -119,7 +119,7 @@ def steps(
                 status = state.ended
             elif due:
                 status = _stopped(due)
-            elif away >= _GONE:
+            elif away >= 3:  # steps in a row
                 status = Status.UNBOUNDED
             lowest.append(smallest)
             energies.append(energy)

@@ -64,8 +64,6 @@ ROUNDS = 6
 FEW_ROUNDS, _SMALL = 12, 600
 #: Part of the tolerance by which the multiplier may miss the law before the other unknowns are looked for.
 _PART = 0.5
-#: How far the stiffness of a chart is above the least one, of laws of the whole state.
-_ABOVE = 1.5
 #: Dense factors need no tolerance.
 _DIRECT = Accuracy(0.0, 0.0, 1)
 
@@ -109,7 +107,7 @@ class GraphEquation:
         above = law.curve_above if law.depends_on_whole_state else alphas
         if above is not None:
             least = [np.broadcast_to(one, len(pair)) for one in above]
-            pair = np.maximum(pair, _ABOVE * np.stack(least, axis=1))
+            pair = np.maximum(pair, 1.5 * np.stack(least, axis=1))
         chart = law.chart(pair, d) if law.is_curve(pair, d) else None
         if system.vectors.largest(float(chart is None))[0] or chart is None:
             return None

@@ -16,7 +16,8 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.controls import Budget, Controls, OutOfTime
+from hemivar.solvers.controls import NESTED, Budget, Controls, OutOfTime
+from hemivar.solvers.line_search import ARMIJO, ENERGY_ROUNDING
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
@@ -26,14 +27,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["ProximalMemory", "ProximalNewton"]
 
-#: Part of the fall of the model by which the energy must fall.
-_FALLS = 0.1
-#: What rounding makes of an energy, relative to its parts.
-_ROUNDED = 1e-14
 #: What methods are told of the accuracy that is wanted: they aim at a tenth of it, where half of what is wanted serves.
 _AIM = 5.0
-#: Relative residual up to which coarser meshes are solved, and the most steps there.
-_NESTED, _NESTED_STEPS = 1e-3, 15
 
 
 @dataclass(frozen=True)
@@ -121,9 +116,8 @@ class ProximalNewton(Solver):
             return system.start(), None
         x, stopped = self.first_guess(below, budget)
         if stopped is None:
-            rough = replace(self, tolerance=0.1 * _NESTED)
-            controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
-            end, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
+            rough = replace(self, tolerance=0.1 * NESTED.rtol)
+            end, status, _ = iterate(rough, below, State(x, below.multiplier(x)), NESTED, budget)
             x, stopped = end.r, status if status in STOPPED else None
         return system.start(system.from_below(x)), stopped
 
@@ -226,7 +220,7 @@ class _Line:
             contact,
             slope,
             square,
-            _ROUNDED * parts,
+            ENERGY_ROUNDING * parts,
         )
 
     def fall(self, length: float, contact: float) -> float:
@@ -243,7 +237,7 @@ class _Line:
             if math.isfinite(contact):
                 energy = self.system.energy(new)
                 fall = energy - self.energy
-                if model < 0.0 and fall <= _FALLS * model:
+                if model < 0.0 and fall <= ARMIJO * model:
                     return new, energy
                 rounded = max(abs(model), fall) <= self.rounding
                 if attempt == 0 and rounded and self._better(new):

@@ -21,7 +21,7 @@ from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.loop import iterate
-from hemivar.solvers.multigrid import NonsmoothMultigrid, nested_guess
+from hemivar.solvers.multigrid import TIGHTEST, NonsmoothMultigrid, nested_guess
 from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation, GraphPoint
 from hemivar.solvers.status import Status, check_interrupt
 from hemivar.solvers.truncated_newton import TruncatedNewton
@@ -43,20 +43,16 @@ _HIDDEN = 1e-6
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
 _FIRST, _SETTLED = 0.1, 1e-3
-#: How much more may be left of |F| than of Newton's equation where F is straight.
-_STRAIGHT = 2.0
 #: Part of the load that a step of the fixed point leaves from where Newton's equation begins again.
 _ROUGH = 1e-2
 #: How often larger a whole step may make |F|: Newton's equation leads astray beyond that.
 _ASTRAY = 10.0
-#: Part of the tolerance to which it is solved at the least, and the tightest one, relative to the load.
-_AIM, _TIGHTEST = 0.1, 1e-13
 #: Part of the energy norm up to which states are the same.
 _SAME = 1e-6
 #: Rounds, and the part of |F| that has to be gone after as many: else another way is thought better.
 _PATIENCE, _GAINED = 5, 0.1
-#: Part of the bound by which it is raised first, and the least one.
-_RAISED, _LEAST = 0.25, 1.0 / 512.0
+#: The least part of the bound by which it is raised.
+_LEAST = 1.0 / 512.0
 
 
 @dataclass(frozen=True)
@@ -142,7 +138,7 @@ class SemismoothNewton(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         fallback = self.fallback.for_tolerance(rtol)
         assert isinstance(fallback, FixedPoint)
-        own = max(_AIM * rtol, _TIGHTEST) if self.tolerance is None else self.tolerance
+        own = max(0.1 * rtol, TIGHTEST) if self.tolerance is None else self.tolerance
         return replace(self, fallback=fallback, tolerance=own)
 
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
@@ -175,7 +171,7 @@ class SemismoothNewton(Solver):
         inner = self.fallback.inner
         if self.condenses or not isinstance(inner, TruncatedNewton):
             return Accuracy(0.0, 0.0, 1)
-        return replace(inner.accuracy, tolerance=self.tolerance or _TIGHTEST, absolute=self.absolute)
+        return replace(inner.accuracy, tolerance=self.tolerance or TIGHTEST, absolute=self.absolute)
 
     def _at(self, system: ContactSystem, point: _Iterate, memory: _Memory, state: State) -> State:
         """The state at a point."""
@@ -278,7 +274,7 @@ class SemismoothNewton(Solver):
         """A step of the fixed point, whose energy falls from any start; Newton's equation goes on from there."""
         assert memory.search is not None
         inner = self.fallback.inner
-        inner = replace(inner, tolerance=_AIM * _ROUGH) if isinstance(inner, NonsmoothMultigrid) else inner
+        inner = replace(inner, tolerance=0.1 * _ROUGH) if isinstance(inner, NonsmoothMultigrid) else inner
         rough = replace(self.fallback, inner=inner, inner_rtol=max(_ROUGH, self.fallback.inner_rtol))
         end = rough.step(system, rough.begin(system, memory.start, budget), budget)
         rough.release(end)
@@ -299,7 +295,7 @@ class SemismoothNewton(Solver):
         """The solution to which the one without friction leads while the bound is raised to what it is."""
         first = search.times(0.0)
         point = None if first is None else self._solved(first, start, budget)
-        done, part = 0.0, _RAISED
+        done, part = 0.0, 0.25
         while point is not None and done < 1.0:
             here = min(done + part, 1.0)
             raised = search.times(here)
@@ -411,9 +407,9 @@ class _Search:
 def _part(before: _Iterate, point: _Iterate) -> float:
     """See :class:`_Iterate`: less where what moves is what moved before, and |F| has fallen as it was solved."""
     moving = [np.einsum("mii->mi", one.on.jacobian) != 0.0 for one in (before, point)]  # entries beside may be rounding
-    if not np.array_equal(*moving) or point.off > _STRAIGHT * _FIRST * before.off:
+    if not np.array_equal(*moving) or point.off > 2.0 * _FIRST * before.off:
         return _FIRST
-    return _SETTLED if point.off > _STRAIGHT * _SETTLED * before.off else 0.0
+    return _SETTLED if point.off > 2.0 * _SETTLED * before.off else 0.0
 
 
 @dataclass(frozen=True, eq=False)

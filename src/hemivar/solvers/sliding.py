@@ -12,14 +12,12 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.discrete.rigid_modes import admitted
 from hemivar.laws import VectorLaw
-from hemivar.solvers.contact_states import TangentialState
+from hemivar.solvers.contact_states import ROUNDING, TangentialState
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 
 __all__ = ["with_slides"]
 
-#: Part of the largest pressure from which a contact point presses.
-_PRESSED = 1e-9
 #: A slide that is doubled must raise what is out of balance along it by this, for the residual to tell where it ends.
 _TOLD = 10.0
 #: Parts of a slide by which it is moved on: friction that weakens may be gone at the whole one.
@@ -88,9 +86,9 @@ def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
         return
     free, pressure = problem.model.free_motions, np.abs(solution.multiplier[:, 0])
     bears = np.linalg.norm(solution.multiplier, axis=1)
-    sticks = (solution.tangential_state == TangentialState.STICK) & (bears > _PRESSED * bears.max(initial=0.0))
+    sticks = (solution.tangential_state == TangentialState.STICK) & (bears > ROUNDING * bears.max(initial=0.0))
     trace = (problem.contact.trace @ rigid.basis).toarray().reshape(*problem.contact.shape, rigid.count)
-    pressed = trace[pressure > _PRESSED * pressure.max(initial=0.0), 0]
+    pressed = trace[pressure > ROUNDING * pressure.max(initial=0.0), 0]
     for group, columns in zip(free.groups, rigid.groups, strict=True):
         motions = rigid.basis[:, columns].toarray() @ admitted(pressed[:, columns])
         motion = motions @ (motions.T @ solution.unknowns)

@@ -28,7 +28,7 @@ from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import Solver, SolverSystem, State
 from hemivar.solvers.choice import choose, repaid
-from hemivar.solvers.controls import Budget, Controls, Progress
+from hemivar.solvers.controls import NEARLY, Budget, Controls, Progress
 from hemivar.solvers.fallbacks import LOWER, best_of, others, took_over
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
@@ -51,8 +51,6 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["default_method", "method_for", "solve", "solving", "suited"]
 
-#: Relative residual above which a method's own bound of its error is not believed.
-_EXCUSED = 1e-6
 #: What a state must have less energy, of all that is added up in it, to be called lower.
 _WORTH = 1e-9
 #: What is said of a residual above the tolerance that rounding explains.
@@ -60,8 +58,8 @@ _ROUNDED = (
     "the residual is above the tolerance: {:.1e} against forces of {:.1e}, of which rounding of the answer may leave "
     "{:.1e}"
 )
-#: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
-_LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING), 1e-6
+#: Ends that a solve beyond the limit of a foundation has.
+_LOST = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING)
 
 
 @known_keywords
@@ -177,7 +175,7 @@ def solving(
     solution = yield from task.by(solver)
     if solution.status not in (Status.CONVERGED, *STOPPED):
         solution = yield from task.handed_on(solver, solution, asked=given is not None)
-    if problem.limit is not None and solution.status in _LOST and not solution.residual.relative <= _NEAR:
+    if problem.limit is not None and solution.status in _LOST and not solution.residual.relative <= NEARLY:
         return replace(solution, status=Status.NOT_CARRIED)
     remarks = [LOWER] if given is None and task.below(solver, solution) else []
     if solution.status is Status.CONVERGED and solution.residual.excused(controls.atol, controls.rtol):
@@ -408,7 +406,7 @@ def _solution(system: SolverSystem, end: _End) -> Solution:
     """All unknowns from the iterate, with the residual of the full problem and the status that this allows."""
     problem, state = system.problem, end.state
     began = time.perf_counter()
-    excused = 0.0 if state.error_bound is None else _EXCUSED
+    excused = 0.0 if state.error_bound is None else NEARLY
     unknowns, multiplier, residual, status = finish(system, state, end.status, end.controls, excused)
     return Solution(
         problem=problem,

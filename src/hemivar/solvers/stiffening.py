@@ -20,11 +20,11 @@ from hemivar.discrete.residual import contact_compliance, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import geometric_stiffness, stressed_problem
-from hemivar.linear.definite import indefinite, lowest_quotient, positive
+from hemivar.linear.definite import DENSE, indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.choice import affordable
-from hemivar.solvers.controls import Controls, Progress
+from hemivar.solvers.controls import NEARLY, Controls, Progress
 from hemivar.solvers.load_stepping import Climb, LoadStepping
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
@@ -37,16 +37,12 @@ __all__ = ["Ordinary", "StressedClimb", "Tally", "stiffening"]
 _OUTER, _PATIENCE = 40, 20
 #: Part of the load whose answer, made larger, has the first stress where a law softens: nothing has softened there.
 _LITTLE = 1e-3
-#: Pairs that accelerate, and part of the largest below which directions of them are the same.
-_DEPTH, _SAME = 4, 1e-8
-#: Relative residual up to which an answer misses the tolerance by what methods leave.
-_CLOSE = 1e-6
+#: Pairs that accelerate.
+_DEPTH = 4
 #: Springs in the place of contact that holds, in units of the largest diagonal stiffness.
 _HELD = 1e6
-#: Unknowns up to which all eigenvalues are computed.
-_DENSE = 400
-#: Part of a random load that is left, and the most cycles, where multigrid is to meet every motion.
-_MET, _CYCLES = 1e-9, 200
+#: Part of a random load that is left where multigrid is to meet every motion.
+_MET = 1e-9
 
 _Solving = Generator[Progress, bool | None, Solution]
 
@@ -108,7 +104,7 @@ class Ordinary:
         load = np.random.default_rng(13).standard_normal(problem.unknowns)
         enough, cycle = _MET * float(np.linalg.norm(load)), levels.preconditioner(top)
         stiffness, diagonal = problem.stiffness, problem.linear.diagonal
-        descent = conjugate_gradients(stiffness, diagonal, load, cycle, enough, _CYCLES, flexible=cycle.flexible)
+        descent = conjugate_gradients(stiffness, diagonal, load, cycle, enough, 200, flexible=cycle.flexible)
         return float(np.linalg.norm(descent.residual)) <= enough
 
 
@@ -157,7 +153,7 @@ class _Mixing:
         left, answers = (np.array(rows) for rows in zip(*self.pairs, strict=True))
         if len(left) < 2:
             return answer
-        shares = np.linalg.lstsq(np.diff(left, axis=0).T, left[-1], rcond=_SAME)[0]
+        shares = np.linalg.lstsq(np.diff(left, axis=0).T, left[-1], rcond=1e-8)[0]
         return np.asarray(answer - shares @ np.diff(answers, axis=0))
 
 
@@ -187,7 +183,7 @@ def stiffening(
 
 def _near(solution: Solution) -> bool:
     """Whether an answer misses the tolerance by what methods leave."""
-    return solution.status is Status.INACCURATE and solution.residual.relative <= _CLOSE
+    return solution.status is Status.INACCURATE and solution.residual.relative <= NEARLY
 
 
 def _iterated(
@@ -400,7 +396,7 @@ def _factor(own: sp.csr_array, falls: sp.csr_array) -> float | None:
         import scipy.sparse.linalg as spla  # only here: most bodies start without it
 
     n = own.shape[0]
-    if n <= _DENSE:
+    if n <= DENSE:
         largest = float(la.eigh(falls.toarray(), own.toarray(), eigvals_only=True, subset_by_index=[n - 1, n - 1])[0])
         return 1.0 / largest if largest > 0.0 else None
     inverse = spla.LinearOperator(own.shape, matvec=spla.splu(sp.csc_array(own)).solve, dtype=float)

@@ -11,7 +11,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, OutOfTime
-from hemivar.solvers.line_search import LineEnd, SearchLine, energy_scale
+from hemivar.solvers.line_search import ENERGY_ROUNDING, LineEnd, SearchLine, energy_scale
 from hemivar.solvers.status import Status
 from hemivar.systems.contact_moves import Search, best_component, diagonal_step, snap_to_kinks
 from hemivar.systems.contact_system import ContactSystem
@@ -19,8 +19,8 @@ from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEqu
 
 __all__ = ["NewtonMemory", "TruncatedNewton", "lower_energy"]
 
-#: What rounding makes of the energy over a step, relative to its parts, and what a move must gain at least.
-_ROUNDED, _WORTH = 1e-14, 1e-12
+#: What a move must lower the energy by at least, relative to its parts.
+_WORTH = 1e-12
 #: Part of the residual below which it has fallen in a step; how much closer Newton's equation is solved else, and most.
 _FALLS, _CLOSER, _CLOSEST = 0.9, 0.3, 1e-4
 #: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
@@ -108,7 +108,7 @@ class TruncatedNewton(Solver):
         x, force, energy = end.x, end.force, energy + end.energy_change
         if unbounded:
             return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
-        if state.energy is not None and energy >= state.energy - _ROUNDED * abs(state.energy):
+        if state.energy is not None and energy >= state.energy - ENERGY_ROUNDING * abs(state.energy):
             x, force, more = self._polish(system, memory.equation, x, force)
             evaluations += self._evaluations(0, more)
         new = self._state(system, x, force, evaluations, energy, replace(memory, factor=factor, settled=False))
@@ -165,7 +165,7 @@ class TruncatedNewton(Solver):
             new = system.moved(first + correction.step, near)
             line = SearchLine.of(system, here, new - x, system.multiply(new - x))
             there = system.out_of_balance(new)
-            allowed = max(line.rounding, _ROUNDED * energy_scale(system, x, line.value))
+            allowed = max(line.rounding, ENERGY_ROUNDING * energy_scale(system, x, line.value))
             if line.energy_change(1.0, near) <= allowed or _goes_down(system, here, new, near, there):
                 total = system.residual(new, system.multiplier(new, there), there).total
                 if total < lowest:

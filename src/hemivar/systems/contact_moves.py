@@ -26,8 +26,6 @@ __all__ = [
 
 #: How often the diagonal body is made stiffer, and by how much, before a step is given up.
 _ATTEMPTS, _STIFFER = 8, 1.5
-#: Products with the body by which its largest eigenvalue is found, and the margin on top.
-_POWERS, _MARGIN = 15, 1.05
 #: Part of the largest local displacement by which a component may miss a kink.
 _MISSED = 1e-11
 
@@ -73,12 +71,12 @@ def majorant(vectors: Vectors, active: BoolArray, diagonal: Array, couple: Calla
     if size == 0.0:
         return 1.0
     scale = np.where(active, 1.0 / np.sqrt(diagonal), 0.0)
-    for _ in range(_POWERS):
+    for _ in range(15):
         v = scale * couple(scale * v / size)
         size = float(vectors.norms(v.ravel())[0])
         if size == 0.0:
             return 1.0
-    return max(_MARGIN * size, 1.0)
+    return max(1.05 * size, 1.0)  # powers come near from below
 
 
 def diagonal_step(
