@@ -1,4 +1,4 @@
-"""Coarse levels where no coarser mesh is known: smoothed aggregation, from the matrix and the rigid motions."""
+"""Algebraic multigrid by smoothed aggregation: coarse levels from a matrix and its near-nullspace (rigid motions)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A load taken over to the unknowns that a factorisation keeps, and the error where nothing else holds the others."""
+"""A load condensed onto the unknowns that a factorisation keeps, and the error where nothing else holds the others."""
 
 from __future__ import annotations
 

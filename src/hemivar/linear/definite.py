@@ -1,4 +1,4 @@
-"""Whether a stiffness matrix is positive definite, by its numbers.
+"""Whether a stiffness matrix is positive definite: its lowest eigenvalue or Rayleigh quotient, by its numbers.
 
 All eigenvalues are those of ``D^-1/2 K D^-1/2``, D the diagonal of K, so that units and scale do not matter.  Rounding
 moves them by about :func:`rounding`; what lies within that of zero counts as zero, neither definite nor indefinite.

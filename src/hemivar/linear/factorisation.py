@@ -1,4 +1,4 @@
-"""Sparse factorisations with a Schur complement: SuperLU of SciPy, PARDISO where it is installed."""
+"""Sparse direct solvers with a Schur complement: SuperLU of SciPy, PARDISO where it is installed."""
 
 from __future__ import annotations
 

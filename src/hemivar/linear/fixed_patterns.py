@@ -1,4 +1,4 @@
-"""What holding and adding on a mesh changes in the matrices of the algebraic levels below, on the patterns they have.
+"""Galerkin products on fixed sparsity patterns: how algebraic levels follow what is held and added on a mesh.
 
 With R the prolongation at the contact unknowns, I what their rows are times the prolongation, D ones where they are
 held, K the matrix between them and S what is added there, the coarse matrix changes by ``-(R'X + X'R)``, where

@@ -1,5 +1,7 @@
-"""Krylov methods for the linear problems of a nonsmooth method: conjugate gradients, which may stop early and may meet
-indefinite matrices, and minimal residuals for matrices that are not symmetric."""
+"""Krylov methods of a nonsmooth iteration: conjugate gradients (CG) that may stop early, and minimal residuals (GMRES).
+
+Conjugate gradients may meet indefinite matrices; minimal residuals are for matrices that are not symmetric.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stiffness matrices from coarse to fine, and the multigrid cycle on them that leaves some contact unknowns alone.
+"""Multigrid levels: stiffness matrices from coarse to fine, and the V-cycle that leaves some contact unknowns alone.
 
 On a hierarchy of nested meshes a coarse unknown is left out of the cycle where most of the contact unknowns that it
 reaches are held at a kink.  The coarse functions that are kept are cut off at the held ones: this changes few of them,

@@ -1,4 +1,4 @@
-"""A hierarchy of matrices and the transfers between them: a solver, and a preconditioner for anybody's iteration."""
+"""A multigrid hierarchy of matrices and transfers: a solver, and a preconditioner for anybody's Krylov iteration."""
 
 from __future__ import annotations
 

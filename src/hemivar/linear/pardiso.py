@@ -1,4 +1,4 @@
-"""PARDISO of Intel's MKL, by pypardiso: Schur complement and both half sweeps from one factorisation."""
+"""PARDISO of Intel's MKL, a sparse direct solver, by pypardiso: Schur complement and sweeps of one factorisation."""
 
 from __future__ import annotations
 

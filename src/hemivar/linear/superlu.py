@@ -1,4 +1,4 @@
-"""SuperLU's factors, made where Ctrl-C is answered, and given back where they were made."""
+"""SuperLU's sparse factors, made where Ctrl-C is answered, and given back where they were made."""
 
 from __future__ import annotations
 

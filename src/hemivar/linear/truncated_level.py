@@ -1,4 +1,4 @@
-"""One level of a hierarchy, and the rows of its contact unknowns, which a solve changes."""
+"""Truncation of one multigrid level: the rows of its contact unknowns, which a solve holds and changes."""
 
 from __future__ import annotations
 

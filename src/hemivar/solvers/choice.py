@@ -1,4 +1,4 @@
-"""Which method solves a problem if the user names none."""
+"""The default method: which one solves a problem by predicted time and memory if the user names none."""
 
 from __future__ import annotations
 

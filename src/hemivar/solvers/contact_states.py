@@ -1,4 +1,4 @@
-"""What contact points do: along the normal, and along the foundation; the one place where both are decided."""
+"""Contact states: open or closed along the normal, stick or slip along the foundation; both are decided here alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When to stop, and whom to tell."""
+"""Stopping criteria: tolerances, limits of steps and time, and whom to tell."""
 
 from __future__ import annotations
 

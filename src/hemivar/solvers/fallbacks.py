@@ -1,4 +1,4 @@
-"""Which methods are tried next where the one that was chosen fails: at most three, by how it ended."""
+"""Fallback methods: which are tried next where the one that was chosen fails, at most three, by how it ended."""
 
 from __future__ import annotations
 

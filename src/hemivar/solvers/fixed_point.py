@@ -1,4 +1,4 @@
-"""Laws whose friction bound depends on the solution: freeze the bound, solve, move on."""
+"""Fixed-point iteration for friction bounds that depend on the solution: freeze the bound, solve, move on."""
 
 from __future__ import annotations
 

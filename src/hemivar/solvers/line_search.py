@@ -1,4 +1,4 @@
-"""The bottom of the energy along a direction, straight across the pieces of the laws or stopped at their ends.
+"""Line search: the bottom of the energy along a direction, straight across pieces of laws or stopped at their ends.
 
 Along a direction the energy is smooth between the lengths at which contact points meet the knots of their laws, convex
 or not.  Where laws are quadratic in between, these lengths are sorted, and slope and curvature are summed up from one

@@ -1,4 +1,4 @@
-"""Load stepping: the load grows from zero, each solution being the start of the next."""
+"""Load stepping (incremental loading): the load grows from zero, each solution being the start of the next."""
 
 from __future__ import annotations
 

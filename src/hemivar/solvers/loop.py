@@ -1,4 +1,4 @@
-"""The loop that every method shares: step until the residual is small, the method ends, or a limit is reached."""
+"""The iteration that every method shares: step until the residual is small, the method ends, or a limit is reached."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The methods by the names that the command, the tables and ``solve(method=...)`` use."""
+"""The registry of methods by the names that the command, the tables and ``solve(method=...)`` use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nonsmooth multigrid: contact at the price of a linear elastic solve by multigrid, on one machine or on many."""
+"""Nonsmooth multigrid (TNNMG): contact at the price of a linear elastic solve, on one machine or on many."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Newton's method on the graphs of the laws, and its first rounds: primal-dual active sets, without a search.
+"""Semismooth Newton on the graphs of the laws, and its first rounds: primal-dual active sets, without a line search.
 
 With the multiplier ``lam = W^-1 (g - A r)`` in equilibrium with r and ``p = a r + lam``, a pair solves the problem
 where it is the one of the graphs of the laws at which p is what it is.  That is ``F(r) = lam(p) - lam = 0`` with the

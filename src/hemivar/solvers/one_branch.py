@@ -1,4 +1,4 @@
-"""Whether two states belong to one branch of solutions."""
+"""Whether two states lie on one branch of solutions: a solve from one of them leads to the other."""
 
 from __future__ import annotations
 

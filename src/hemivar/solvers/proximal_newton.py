@@ -1,4 +1,4 @@
-"""Bodies that are not linear: contact problems of linear bodies in their place, and a search along the way to each."""
+"""Proximal Newton for nonlinear bodies: contact problems of tangents, and a line search along the way to each."""
 
 from __future__ import annotations
 

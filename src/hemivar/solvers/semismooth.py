@@ -1,4 +1,4 @@
-"""Newton's method on the graphs of the laws, from any start: steps are halved until |F| falls, with fall backs.
+"""Globalised semismooth Newton on the graphs of the laws: steps are halved until |F| falls, with fallbacks.
 
 The equation is that of :mod:`hemivar.solvers.newton_on_graph`.  Where the law depends on the state there is no energy,
 and |F| is what falls.

@@ -1,4 +1,4 @@
-"""Parts that contact alone holds and that have slid: how far, and whether the residual tells where they are."""
+"""Rigid sliding of parts that contact alone holds: how far, and whether the residual tells where they are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a solve returns."""
+"""What a solve returns: displacement, multiplier, status, residual, and what follows from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loop that every method shares."""
+"""The solve of a contact problem: a method is chosen, started, iterated, and another one takes over where it fails."""
 
 from __future__ import annotations
 

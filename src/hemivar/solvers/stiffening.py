@@ -1,4 +1,4 @@
-"""Bodies that the stress of their load stiffens or softens: the stress is held, solved with, and followed."""
+"""Stress stiffening (geometric stiffness): the stress of a load is held, solved with, and followed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Truncated nonsmooth Newton over any contact system, with an energy that never rises."""
+"""Truncated nonsmooth Newton over any contact system: an active-set step and a line search; the energy never rises."""
 
 from __future__ import annotations
 

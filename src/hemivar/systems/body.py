@@ -1,4 +1,4 @@
-"""All unknowns of a body, with the levels below: the system that multigrid works on, on one machine or on many."""
+"""The full system that multigrid works on: all unknowns of a body with the levels below, on one machine or on many."""
 
 from __future__ import annotations
 

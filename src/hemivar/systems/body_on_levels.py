@@ -1,4 +1,4 @@
-"""All unknowns of a body on one machine, on its mesh and on the coarser ones below."""
+"""The multigrid hierarchy of a body on one machine: discrete problems on its mesh and the coarser ones below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The graph of a contact law as a continuous curve, one for each scalar component of the contact points.
+"""Arc-length parametrisation of contact laws: the graph of each scalar component is a continuous curve.
 
 The Clarke subdifferential of a scalar law is a connected curve in the plane of displacement r and multiplier lambda:
 along its smooth pieces r moves, at its kinks lambda moves, upwards where the derivative jumps up and downwards where it

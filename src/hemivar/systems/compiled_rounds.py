@@ -1,4 +1,4 @@
-"""Rounds of active sets on a small condensed body in one call of the compiled kernels."""
+"""Primal-dual active sets on a small condensed body: all rounds in one call of the compiled kernels."""
 
 from __future__ import annotations
 

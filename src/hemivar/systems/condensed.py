@@ -1,4 +1,4 @@
-"""Condensation: the discrete problem reduced to the local displacements of its contact points."""
+"""Static condensation: the discrete problem reduced to the local displacements of its contact points."""
 
 from __future__ import annotations
 

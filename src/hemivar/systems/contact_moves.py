@@ -1,4 +1,4 @@
-"""Moves of the contact points alone, the rest of the body being held or following as a stiffer diagonal one."""
+"""Block Jacobi moves of the contact points alone: the body is held, or follows as a stiffer diagonal one."""
 
 from __future__ import annotations
 

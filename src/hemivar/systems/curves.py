@@ -1,4 +1,4 @@
-"""What a path asks of the graphs of all contact laws: one equation for each number along them."""
+"""The equation of a path on the graphs of all contact laws: one row for each number along them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elimination of the unknowns that no contact law acts on, and the way back: what condensation makes of a body."""
+"""Schur complement: elimination of the unknowns that no contact law acts on, and their recovery."""
 
 from __future__ import annotations
 

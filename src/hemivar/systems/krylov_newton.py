@@ -1,4 +1,4 @@
-"""Newton's equation of all unknowns of a body, by conjugate gradients with a cycle that leaves out those at kinks."""
+"""Inexact Newton's equation of all unknowns: conjugate gradients with a multigrid cycle that leaves out kinks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Newton's equation on the components of a point that are off the kinks of their laws, as a method asks for it."""
+"""Newton's equation on the active set, the components off the kinks of their laws, as a method asks for it."""
 
 from __future__ import annotations
 

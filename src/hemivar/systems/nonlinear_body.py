@@ -1,4 +1,4 @@
-"""A body that is not linear with its foundation: all unknowns, and the linear bodies that take its place near them."""
+"""A nonlinear body with its foundation: all unknowns, and the linear bodies (tangents) that stand for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is expensive about a model, kept by whoever owns it: factors, Schur complement, levels, norms."""
+"""The cache of what is expensive about a model, kept by whoever owns it: factors, Schur complement, levels, norms."""
 
 from __future__ import annotations
 
