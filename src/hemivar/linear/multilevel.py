@@ -36,20 +36,11 @@ def _regular(n: int, near: Array | None) -> NodeSlots:
 
 @dataclass(frozen=True, eq=False)
 class GridLevel:
-    """One level of a hierarchy.
+    """One level of a hierarchy; the coarsest has no transfers."""
 
-    Attributes
-    ----------
-    A : sparse array, shape (n, n)
-    P : sparse array, shape (n, n_coarse), or None
-        Prolongation from the next coarser level; None on the coarsest.
-    R : sparse array, shape (n_coarse, n), or None
-        Restriction, its transpose.
-    """
-
-    A: sp.csr_array
-    P: sp.csr_array | None = None
-    R: sp.csr_array | None = None
+    A: sp.csr_array  # (n, n)
+    P: sp.csr_array | None = None  # (n, n_coarse): prolongation from the next coarser level
+    R: sp.csr_array | None = None  # (n_coarse, n): restriction, its transpose
 
 
 @dataclass(frozen=True, eq=False)

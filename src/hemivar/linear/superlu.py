@@ -95,11 +95,7 @@ def abandoned_work() -> bool:
 class LUFactors:
     """Factors of a matrix (n, n); what they hold is given back with them.
 
-    Attributes
-    ----------
-    n : int
-    columns, rows : array (n,)
-        Permutations: where columns and rows of the matrix have gone.
+    ``columns, rows (n,)``: permutations, where those of the matrix have gone.
     """
 
     def __init__(self, made: list[spla.SuperLU], maker: _Maker | None = None) -> None:
@@ -133,12 +129,7 @@ class LUFactors:
 def superlu(matrix: sp.csc_array, ordering: str) -> LUFactors:
     """The factors of a symmetric matrix, ``ordering`` as for :func:`scipy.sparse.linalg.splu`.
 
-    Raises
-    ------
-    ProblemError
-        It is singular.
-    MemoryError
-        The factors need more memory than there is.
+    Raises ProblemError: it is singular; MemoryError: the factors need more memory than there is.
     """
     global _maker
 

@@ -20,12 +20,6 @@ def on_one_branch(one: Solution, other: Solution, workspace: Workspace, controls
 
     They do not where the state jumps between the two, either way.  Where no force can fall there is one branch; on
     meshes of different sizes nothing is known, and True is returned.
-
-    Parameters
-    ----------
-    one, other : Solution
-    workspace : Workspace
-    controls : Controls, optional
     """
     if not (one.problem.law.softens or other.problem.law.softens) or one.unknowns.shape != other.unknowns.shape:
         return True

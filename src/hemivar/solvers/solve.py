@@ -131,27 +131,7 @@ def solving(
     initial: Solution | Array | None = None,
     workspace: Workspace | None = None,
 ) -> Generator[Progress, bool | None, Solution]:
-    """:func:`solve` step by step: yields every step, ends after it if it is sent True, returns the solution.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem or ContactProblem
-    method : Solver or str, optional
-        As in :func:`solve`, like all that follow.
-    controls : Controls, optional
-    initial : Solution or array, optional
-    workspace : Workspace, optional
-
-    Yields
-    ------
-    Progress
-        Every step; the generator returns a :class:`Solution`.
-
-    Raises
-    ------
-    MethodError, ProblemError
-        As :func:`solve`.
-    """
+    """:func:`solve` step by step: yields every step, ends after it if it is sent True, returns the solution."""
     problem = as_discrete(problem, "solve")
     given = method_for(method, problem)
     workspace = Workspace.given(workspace)
@@ -436,15 +416,6 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     Every method runs inside a :class:`ProximalNewton` where the body is not linear. Else
     :class:`NonsmoothNewton` and :class:`NonsmoothMultigrid` become :class:`SemismoothNewton` where the bound has
     derivatives; every other method runs inside a :class:`FixedPoint`.
-
-    Parameters
-    ----------
-    solver : Solver
-    problem : DiscreteProblem
-
-    Returns
-    -------
-    Solver
     """
     solver = _for_body(solver, problem)
     if not problem.law.state_dependent or solver.handles_state:
@@ -454,18 +425,7 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
 
 
 def method_for(method: Solver | str | None, problem: DiscreteProblem) -> Solver | None:
-    """The method as an object; one given by its name is made :func:`suited` to the problem.
-
-    Parameters
-    ----------
-    method : Solver, str or None
-    problem : DiscreteProblem
-
-    Returns
-    -------
-    Solver or None
-        None stays None.
-    """
+    """The method as an object; one given by its name is made :func:`suited` to the problem, and None stays None."""
     solver = as_method(method)
     return suited(solver, problem) if isinstance(method, str) and solver is not None else solver
 

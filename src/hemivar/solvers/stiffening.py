@@ -165,13 +165,9 @@ def stiffening(
     It ends where the residual with the stress of the answer itself is below the tolerance. Where that is not reached
     the load grows, each solution being the start of the next.
 
-    Raises
-    ------
-    Buckled
-        Where no more is carried, the stress of the largest load that was solved makes the stiffness lose its
-        definiteness, and strain and rotation are small until then.
-    ProblemError
-        No part of the load has a solution that was found.
+    Raises Buckled: where no more is carried, the stress of the largest load that was solved makes the stiffness lose
+    its definiteness, and strain and rotation are small until then. Raises ProblemError: no part of the load has a
+    solution that was found.
     """
     tally, displacement = Tally(controls, Budget(controls.max_time)), initial
     displacement = displacement.unknowns if isinstance(displacement, Solution) else displacement

@@ -38,17 +38,11 @@ class Chain(Segments, Curves):
     """The curves of all free components, cut into segments: pieces of the law, and its kinks.
 
     Arrays have one row for each free component (n) and one column for each segment (S), padded.
-
-    Attributes
-    ----------
-    system : CondensedProblem
-    point, column : int arrays (n,)
-        Contact point and local component.
     """
 
     system: CondensedProblem
-    point: IntArray
-    column: IntArray
+    point: IntArray  # (n,)
+    column: IntArray  # (n,): the local component
 
     @cached_property
     def matrix(self) -> Array:
@@ -246,20 +240,7 @@ class Chain(Segments, Curves):
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]
     """The curves of all free components of a condensed problem, of one kind or another.
 
-    Parameters
-    ----------
-    system : CondensedProblem
-    kind : type
-        Class of the curves.
-
-    Returns
-    -------
-    Chain, or the given class
-
-    Raises
-    ------
-    MethodError
-        Three-dimensional contact with friction: the slip of a point is then a vector.
+    Raises MethodError: the slip of a point is a vector, as in space with friction.
     """
     m, d = system.shape
     if d > 2:
