@@ -1,4 +1,4 @@
-"""Whether an energy bends downwards somewhere on the straight way from one place to another.
+"""Energy barriers: negative curvature of an energy on the segment between two displacements.
 
 The energy is a sum over the body and the contact points.  Along the way each point bends as its law does, which is
 looked at between even places and the knots that the point passes: stiff glue softens and lets go between two of the

@@ -1,4 +1,4 @@
-"""What acts on a body over time, and at which times it jumps."""
+"""What acts on a body over time (loads, supports, gaps, laws), and at which times it has kinks and jumps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.last_used import Recent
 from hemivar.basics.types import Array
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import KEPT, DiscreteEvolution, ExternalData
 from hemivar.formula import Formula
 
 __all__ = ["ChangedData", "DataInTime", "StatedData", "kinks_in_time"]
@@ -22,8 +22,6 @@ _SAME = 1e-12
 _MOST = 500
 #: How deep formulas are looked for in a statement.
 _DEEP = 12
-#: Times whose loads are kept.
-_TIMES = 8
 #: Times at which data may jump that are kept.
 _SIDES = 64
 #: Part of the size of what is added up that is rounding.
@@ -110,7 +108,7 @@ class StatedData(DataInTime):
     discrete: DiscreteEvolution
     #: Times at which what acts may jump, and how near to them it is looked at.
     stops: Mapping[float, float] = field(default_factory=dict)
-    _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(_TIMES), repr=False)
+    _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(KEPT), repr=False)
     _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(_SIDES), repr=False)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""An evolution over a mesh: its matrices, what acts on it at a time, and the body of a stage."""
+"""Semi-discrete evolution: stiffness, viscosity and mass over a mesh, what acts at a time, the body of a stage."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
 __all__ = [
+    "KEPT",
     "DiscreteEvolution",
     "DiscreteHeat",
     "ExternalData",
@@ -49,8 +50,8 @@ __all__ = [
     "refuse_unmeasured",
 ]
 
-#: Matrices of different steps that are kept.
-_KEPT = 6
+#: Matrices, operators and loads of different steps that are kept; what is forgotten is computed again, to the last bit.
+KEPT = 8
 #: Viscosity below this part of its largest one resists nothing.
 _NONE = 1e-12
 
@@ -456,7 +457,7 @@ class StepMatrices:
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self.discrete = discrete
         self._slow: tuple[Model, float, Model] | None = None
-        self._made: Recent[tuple[float, ...], DiscreteProblem] = Recent(_KEPT)
+        self._made: Recent[tuple[float, ...], DiscreteProblem] = Recent(KEPT)
         self._tried: Model | None = None
 
     def body(self, viscous: float, inert: float, *branches: float, keep: bool = True) -> DiscreteProblem:

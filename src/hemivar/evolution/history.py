@@ -1,4 +1,4 @@
-"""What an evolution leaves behind: a table with a row for each step, and the body at some times."""
+"""The time series of an evolution: a table with a row for each step, and the body at some times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The equilibrium in which a body without mass begins, and goes on where a load jumps."""
+"""Initial equilibrium of a quasi-static body, and the one that follows where a load jumps."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.initial import AT_ONCE
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
@@ -25,8 +26,6 @@ __all__ = [
     "with_ramped_work",
 ]
 
-#: Part of the next step in which a body yields at once: what is viscous stays where it is.
-_AT_ONCE = 1e-8
 #: What is said where friction at rest does not hold the body.
 _NO_REST = (
     "friction that weakens with the slip rate may not carry the initial load at rest; start from a smaller load "
@@ -55,7 +54,7 @@ def instantaneous_equilibrium(
     chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL
     resting = _at_rest(stepper.discrete, now)
     try:
-        taken = stepper.at_once(state, _AT_ONCE * step, start, resting, chosen)
+        taken = stepper.at_once(state, AT_ONCE * step, start, resting, chosen)
     except ProblemError as error:
         if resting is now:
             raise

@@ -1,4 +1,4 @@
-"""The march through time."""
+"""The march through time: the loop of time integration, its ends and its checkpoints."""
 
 from __future__ import annotations
 

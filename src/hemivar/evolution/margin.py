@@ -1,4 +1,4 @@
-"""What a step is worth: its margin of uniqueness, whether the body jumped in it, and its local error.
+"""What a step is worth: its uniqueness margin, its local error, and whether the body jumped in it.
 
 Adaptive steps are chosen by an estimate of that error. It is the distance from the prediction by the derivatives at the
 beginning, halved: of implicit Euler ``tau^2 u''/2``, of schemes of order two ``tau^3 u'''/12`` (Milne's device), or up

@@ -1,4 +1,4 @@
-"""A march that is going on: the next step, what happens in it, and what is told of it."""
+"""A march that is going on: step acceptance, events, the table, and messages."""
 
 from __future__ import annotations
 
@@ -48,9 +48,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["Backend", "StepEvent", "TimeLoop"]
 
-#: How near an event is found, as a part of the step in which it happens, and evaluations for it at most.
+#: How near an event is found, as a part of the step in which it happens: 20 bisections.
 _NEAR = 1e-6
-_TRIALS = 60
 #: The shortest first step, as a part of the latest time: more than rounding.
 _RESOLVED = 1e-12
 #: Part of the length of others below which a step that fails is too short.
@@ -61,11 +60,12 @@ _LONGEST = 1e100
 _HEALS = "the glue heals"
 #: What a message begins with where steps are less exact than was asked for.
 _MISSED = "the tolerance of steps was missed"
-#: And where viscosity that was put in slows the body down, by more than a few steps and this part of the whole time.
+#: And where viscosity that was put in slows the body down.
 _LAGS = "the body lags behind"
+#: Steps, and the part of the whole time, up to which that is no more than a jump in a picture of the whole march.
+_FEW, _LATE = 5.0, 0.01
 #: And where a rigid obstacle jumps into the body.
 _SINKS = "an obstacle jumps into the body"
-_FEW, _LATE = 5.0, 0.01
 #: How a march ends in which the scheme made more than this part of the energy that was given.
 _MADE, _MOST_MADE = "energy made", 0.5
 #: Columns of the sums of errors of steps: in the energy norm, and at the contact points.
@@ -575,9 +575,7 @@ class TimeLoop:
         if not risen(taken):
             return taken, (), False
         low, high = 0.0, taken
-        for _ in range(_TRIALS):
-            if high.step - low <= _NEAR * taken.step:
-                break
+        while high.step - low > _NEAR * taken.step:
             middle = self.stepper.take(taken.before, 0.5 * (low + high.step), jump=SelectionRule(self.plan.jump))
             if middle.status is not Status.CONVERGED:
                 break

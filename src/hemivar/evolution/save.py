@@ -1,4 +1,4 @@
-"""What is kept of an evolution while it goes."""
+"""Output of a march: frames, probes, contact forces, and what strains and glue show."""
 
 from __future__ import annotations
 

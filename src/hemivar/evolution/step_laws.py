@@ -21,12 +21,12 @@ from hemivar.laws.transformed import affine, averaged
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.instants import error_context
 
-__all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_displacement", "stage_law"]
+__all__ = ["TOUCHES", "BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_displacement", "stage_law"]
 
 #: Who asks for laws whose force is averaged over a step.
 _CONSERVES = "the midpoint rule that conserves energy"
 #: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
-_TOUCHES = 1e-12
+TOUCHES = 1e-12
 
 States = Mapping[str, Mapping[str, Array]]
 
@@ -224,7 +224,7 @@ def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> V
     ahead = 0.5 * step * local.velocity[:, 0]
     # What rests on the obstacle is as deep as the rounding of its place and its velocity says, and yet in contact.
     sizes = np.abs(before.body.displacement).max(initial=0.0), np.abs(ahead).max(initial=0.0)
-    shut = local.displacement[:, 0] + ahead >= -_TOUCHES * (
+    shut = local.displacement[:, 0] + ahead >= -TOUCHES * (
         sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0)
     )
     pieces: list[tuple[Superpotential, IntArray]] = [

@@ -1,4 +1,4 @@
-"""How far implicit Euler is from the solution that is continuous in time: guaranteed, where a proof covers the problem.
+"""A posteriori bound of the time error of implicit Euler: guaranteed, where a proof covers the problem.
 
 Both bounds compare with the problem that is discrete in space; loads are straight lines in every step.  Whether they
 are is looked at in three points of each step: where they bend, what they are off counts by the rule of Gauss of these
