@@ -106,7 +106,7 @@ def without(path: str) -> Callable[[Head, Arrays], None]:
     return change
 
 
-def columns(change: Callable[[list[str]], object]) -> Callable[[Head, Arrays], None]:
+def renamed_columns(change: Callable[[list[str]], object]) -> Callable[[Head, Arrays], None]:
     """Name the columns of the table otherwise."""
     return lambda head, _: head["state"].update(columns=change(head["state"]["columns"]))
 

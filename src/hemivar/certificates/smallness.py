@@ -270,7 +270,7 @@ def trace_bound(statement: ContactProblem, workspace: Workspace | None) -> float
     if proved is None:
         return None
     check_time()
-    bound: float | None = proved(statement, _RING_NORM if statement.material.axisymmetric else _NORM, workspace)
+    bound: float | None = proved(statement, _RING_NORM if statement.kinematics.ring else _NORM, workspace)
     return bound
 
 

@@ -237,7 +237,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         if stated is not None and 0 < len(stated.areas) < len(stated.contact):
             return "measure"
         if stated is not None:
-            further = bool(stated.areas) or stated.material.axisymmetric
+            further = bool(stated.areas) or stated.kinematics.ring
             return ("length", "area", "volume")[stated.mesh.dim - 2 + further]
         return "area" if self.problem.contact.components == 3 else "length"
 

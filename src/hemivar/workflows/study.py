@@ -30,8 +30,6 @@ from hemivar.bounds.trace_bounds import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
-from hemivar.fem.constitutive import constitutive_law
-from hemivar.fem.elements import voigt_index
 from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.fem.transfer import beside_nodes, interpolation_matrix
 from hemivar.files.problem_file import read_problem_file
@@ -86,6 +84,8 @@ class StudyOptions:
         Whether the study ends where that file cannot be written; else ``Study.unkept`` says why.
     exact : bool
         Whether the error on each mesh is bounded as well, see :func:`hemivar.bounds.exact_distance`.
+    code : sequence of str
+        Modules and files whose laws the problem file may name, as for :func:`hemivar.read_problem`.
 
     Raises
     ------
@@ -102,6 +102,7 @@ class StudyOptions:
     checkpoint: str | Path | None = None
     must_keep: bool = True
     exact: bool = False
+    code: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         count = whole_number(self.refine, "refine", 1)
@@ -293,7 +294,11 @@ def studying(
         record is that of another study.
     """
     options = StudyOptions() if options is None else options
-    stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else ManufacturedProblem.of(problem)
+    stated = (
+        read_problem_file(problem, code=options.code).problem
+        if isinstance(problem, str | Path)
+        else ManufacturedProblem.of(problem)
+    )
     if not isinstance(stated, ContactProblem):
         raise ProblemError(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
@@ -351,6 +356,7 @@ def study(
     jobs: int = 1,
     checkpoint: str | Path | None = None,
     exact: bool = False,
+    code: Sequence[str] = (),
 ) -> Study:
     """Solve a problem on finer and finer meshes, and measure errors and orders of convergence.
 
@@ -380,6 +386,8 @@ def study(
         A file that keeps the solutions; a second study continues from it.
     exact : bool
         Whether the error on each mesh is bounded as well.
+    code : sequence of str
+        Modules and files whose laws a problem file may name, as for :func:`hemivar.read_problem`.
 
     Returns
     -------
@@ -391,9 +399,8 @@ def study(
     ProblemError, MethodError, FileError
         An option makes no sense, a solve is refused, or the file is that of another study.
     """
-    given = StudyOptions(
-        refine, known, method, Controls() if controls is None else controls, jobs, checkpoint, exact=exact
-    )
+    controls = Controls() if controls is None else controls
+    given = StudyOptions(refine, known, method, controls, jobs, checkpoint, exact=exact, code=code)
     return result_of(studying(problem, given))
 
 
@@ -570,13 +577,11 @@ def _pressure(solution: Solution, stated: ContactProblem, known: KnownField) -> 
     if stated.mesh.regions and not stated.material.homogeneous:
         return np.full(contact.count, np.nan)  # a point may lie between two materials
     slope = known.gradients(points)
-    strain = constitutive_law(stated).strain(slope)
-    stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), strain)
-    if stated.material.axisymmetric:
-        around = known.values(points)[:, 0] / np.where(points[:, 0] > 0.0, points[:, 0], np.nan)
-        around = np.where(np.isnan(around), slope[:, 0, 0], around)  # its limit on the axis
+    stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), stated.kinematics.strain(slope))
+    if stated.kinematics.ring:
+        around = stated.kinematics.hoop_strain(points, known.values(points), slope)
         stress = stress + stated.material.hoop_row(points)[:, :3] * around[:, None]
-    stress = stress[:, voigt_index(stated.mesh.dim)]
+    stress = stress[:, stated.kinematics.rows]
     return np.asarray(-np.einsum("mi,mij,mj->m", normal, stress, normal))
 
 
