@@ -90,13 +90,7 @@ class Control:
 
 
 def control_of(given: object) -> Control | None:
-    """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``.
-
-    Raises
-    ------
-    ProblemError
-        It is none of these.
-    """
+    """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``."""
     if given is None or isinstance(given, Control):
         return given
     if isinstance(given, str) and given == DISSIPATION:
@@ -110,13 +104,7 @@ def control_of(given: object) -> Control | None:
 def refuse_control(
     stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController, jump: SelectionRule
 ) -> None:
-    """Refuse what does not go with a load factor that is unknown.
-
-    Raises
-    ------
-    ProblemError
-        The body resists rates, has heat, or is not linear; the scheme, the steps or the rule of jumps are others.
-    """
+    """Refuse what does not go with a load factor that is unknown: rates, heat, bodies that are not linear."""
     material = stated.problem.material
     why = ""
     if stated.inertia:
@@ -340,13 +328,7 @@ class ControlledStepper(TimeStepper):
 
     @classmethod
     def over(cls, stepper: TimeStepper, control: Control, until: float) -> Self:
-        """That of an evolution, whose loads must be straight lines over the time.
-
-        Raises
-        ------
-        ProblemError
-            They are not, nothing grows, or the boundary of an opening is none.
-        """
+        """That of an evolution, whose loads must be straight lines over the time."""
         discrete = stepper.discrete
         made = cls(
             discrete, stepper.scheme, stepper.stages, stepper.operators, stepper.data, control=control,

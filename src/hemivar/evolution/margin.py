@@ -114,7 +114,7 @@ class Margins:
     """
 
     def __init__(self, stepper: TimeStepper) -> None:
-        self.advance = stepper
+        self.stepper = stepper
         self._largest: tuple[bytes, float] = b"", math.nan
         self._last: tuple[object, float, float] = None, math.nan, math.nan
         self._known: tuple[object, object, float] = None, None, math.nan
@@ -132,7 +132,7 @@ class Margins:
             return 1.0
         if problem.law.state_dependent:
             return self._at(stage, solution)
-        return 1.0 - self.advance.stages.constant(stage, problem.law)
+        return 1.0 - self.stepper.stages.constant(stage, problem.law)
 
     def _at(self, stage: Stage, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
@@ -140,7 +140,7 @@ class Margins:
         law = problem.law
         if self._known[0] is body and self._known[1] is law and law.alpha_is_one:
             return self._known[2]
-        margin = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
+        margin = margin_at(problem, solution.unknowns, solution.multiplier, self.stepper.stages.workspace)
         self._known = body, law, margin
         return margin
 
@@ -172,7 +172,7 @@ class Margins:
             return math.inf
         if problem.unknowns > _SMALL or problem.law.state_dependent or lower_bound_by(problem) == UNKNOWN:
             return math.nan
-        changes = "law" in self.advance.discrete.evolution.problem.time_dependent  # and is another in longer steps
+        changes = "law" in self.stepper.discrete.evolution.problem.time_dependent  # and is another in longer steps
         data = np.array([taken.step, taken.before.time if changes else 0.0])
         # Damping stiffens a law from where a point is on: by less in a longer step, from another place in the next one.
         varies = any(block.damping is not None or not block.memory.of_state for block in blocks)
@@ -215,9 +215,9 @@ class Margins:
     def _positive(self, before: TimeState, step: float) -> bool:
         """Whether a step of this length has a positive margin: whether the body condensed onto its contact points,
         less what the laws may soften, is positive definite."""
-        contact = self.advance.discrete.problem.contact
+        contact = self.stepper.discrete.problem.contact
         try:
-            tried = self.advance.stage_laws(before, step)
+            tried = self.stepper.stage_laws(before, step)
         except ProblemError:  # what depends on time makes no sense any more at the end of so long a step
             return False
         for factors, law in tried:
@@ -241,7 +241,7 @@ class Margins:
         it is not held."""
         if factors not in self._matrices:
             try:
-                stiffness = SchurComplement.of(below(self.advance.stages.bodies.body(*factors, keep=False))).matrix
+                stiffness = SchurComplement.of(below(self.stepper.stages.bodies.body(*factors, keep=False))).matrix
             except ProblemError:
                 stiffness = None
             self._matrices[factors] = stiffness

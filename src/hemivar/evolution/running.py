@@ -67,30 +67,19 @@ _MOVED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class StepEvent:
-    """A step of a march that was taken, for whoever watches.
-
-    Attributes
-    ----------
-    row : Row
-    frame : Frame or None
-        If one was saved.
-    state : TimeState
-    done : float
-        Part of the whole time that is behind.
-    happened : tuple of str
-        Events at its end.
-    earlier : tuple of (int, Frame)
-        With the first step only: what was saved before it, the initial state at least, with the numbers of its steps.
-    unkept : str
-        Why the last checkpoint that was due could not be written; empty if it was.
-    """
+    """A step of a march that was taken, for whoever watches."""
 
     row: Row
+    #: If one was saved.
     frame: Frame | None
     state: TimeState
+    #: Part of the whole time that is behind.
     done: float
+    #: Events at its end.
     happened: tuple[str, ...] = ()
+    #: With the first step only: what was saved before it, the initial state at least, with the numbers of its steps.
     earlier: tuple[tuple[int, Frame], ...] = ()
+    #: Why the last checkpoint that was due could not be written; empty if it was.
     unkept: str = ""
 
 
@@ -100,7 +89,7 @@ class Backend:
 
     #: Makes what takes steps of a discrete evolution, scheme, solver, controls, workspace, and the times at which what
     #: acts may jump.
-    advance: Callable[
+    stepper: Callable[
         [DiscreteEvolution, Scheme, Solver | None, Controls, Workspace | None, Mapping[float, float]], TimeStepper
     ] = stepper_of
     #: What tells margins, bounds of the error in time, and one evolution from another.
@@ -152,7 +141,7 @@ class TimeLoop:
         self.stops = frozenset(stops)
         method, controlled = method_for(plan.method, discrete.problem), isinstance(plan.control, Control)
         sides = {} if controlled else stops
-        self.stepper = tools.advance(discrete, plan.scheme, method, plan.controls, workspace, sides)
+        self.stepper = tools.stepper(discrete, plan.scheme, method, plan.controls, workspace, sides)
         if isinstance(plan.control, Control):
             self.stepper = ControlledStepper.over(self.stepper, plan.control, plan.until)
         self.margins = tools.margins(self.stepper)
