@@ -32,6 +32,7 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.evolution.discrete import SOLVED
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
@@ -52,15 +53,12 @@ __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_
 DISSIPATION = "dissipation"
 #: Newton's equations of a step at most.
 _ROUNDS = 15
-#: Change of a place, as a part of its size, at which it stands; what it may still be where it falls no more.
+#: Change of a displacement, as a part of its size, at which it stands; what it may still be where it falls no more.
 _STANDS, _STILL = 1e-12, 1e-7
 #: Part of a step by which what is given may be missed where it stands.
 _MET = 1e-6
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
-#: Part of a size that is rounding: of what the largest load stored, of a step that the load factor may miss, and of the
-#: loads that may miss a line. Newton's equations end three powers of ten below it (_STANDS).
-_ROUNDED = 1e-9
 #: How far a step goes beyond where the last one leads, at most.
 _AHEAD = 4.0
 #: By how much the load factor may fall in a step, in units of its length, and how often a step is cut for that.
@@ -372,7 +370,7 @@ class ControlledStepper(TimeStepper):
             part = (factor - low) / reach
             for one, two, there in zip(first, far, self._acting(factor), strict=True):
                 size = max(map(_largest, (one, two, there, part * (two - one))))
-                if _largest(there - one - part * (two - one)) > _ROUNDED * size:
+                if _largest(there - one - part * (two - one)) > SOLVED * size:
                     raise ProblemError(
                         f"control = ... takes t for the load factor, and a load, support or gap bends over t, at t = "
                         f"{factor:.6g} or before; state it as a multiple of t"
@@ -393,7 +391,7 @@ class ControlledStepper(TimeStepper):
     def broken(self, state: TimeState) -> bool:
         """Whether glue has dissipated, and carries next to nothing of the most that it carried."""
         known = self.known(state)
-        lost = state.ledger.memory > _ROUNDED * known.pace * known.largest
+        lost = state.ledger.memory > SOLVED * known.pace * known.largest
         return lost and self._carried(state) <= _BROKEN * known.carried
 
     def _carried(self, state: TimeState) -> float:
@@ -528,7 +526,7 @@ class ControlledStepper(TimeStepper):
             if loaded is None:
                 return None
             increment, grown = frozen.increment(loaded), frozen.opened(points, loaded)
-            if grown <= _ROUNDED * _largest(increment[0]):
+            if grown <= SOLVED * _largest(increment[0]):
                 raise ProblemError(
                     f"control = {{'opening': '{boundary}'}} needs loads that open '{boundary}' as t grows, and these "
                     "do not; turn their sign, or name a boundary that opens"
@@ -586,4 +584,4 @@ def _largest(values: Array) -> float:
 
 def _is_step(moved: float, step: float) -> bool:
     """Whether a load factor moved by a whole step."""
-    return abs(moved - step) <= _ROUNDED * step
+    return abs(moved - step) <= SOLVED * step

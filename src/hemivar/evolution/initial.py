@@ -8,13 +8,13 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import ExternalData
+from hemivar.evolution.discrete import EXACT, SOLVED, ExternalData
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.step_end import energies
-from hemivar.evolution.step_laws import TOUCHES, StepLaw, initial_memory, stage_law
+from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import VectorLaw
 from hemivar.laws.vector_law import lengths
@@ -31,8 +31,6 @@ __all__ = [
     "velocity_discontinuity",
 ]
 
-#: Part of the velocities that is no blow, but rounding.
-_NO_BLOW = 1e-9
 #: Part of a blow that conjugate gradients leave, and their steps at most.
 _LEFT, _BLOW_STEPS = 1e-11, 500
 #: Part of the next step over which paths are looked at.
@@ -259,7 +257,7 @@ def _pressed(
     lam, undetermined = _rubbed(stepper, state, law, _SLIPS * fast, AT_ONCE * step)
     # Where a support or another boundary has the component already, nothing is held.
     undetermined &= np.diff(stepper.discrete.problem.contact.trace.indptr).reshape(undetermined.shape) > 0
-    ends, near = acting.law.penetrations, TOUCHES * far
+    ends, near = acting.law.penetrations, EXACT * far
     down = (r[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
     up = (r[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
     holds, thrown = vectors.largest(float(undetermined.any()), float((down | up).any())).tolist()
@@ -387,7 +385,7 @@ def _at_the_start(stepper: TimeStepper, state: TimeState, step: float) -> tuple[
     fast = max(float(np.abs(speed).max(initial=0.0)) for speed in (state.body.velocity, state.local.velocity))
     off = float(np.abs(state.local.velocity[_bilateral(stepper)]).max(initial=0.0))
     fast, off = stepper.discrete.vectors.largest(fast, off).tolist()
-    if off <= _NO_BLOW * fast:
+    if off <= SOLVED * fast:
         return None
     supports, gaps = prescribed_rates(stepper, state.time, step)
     nothing = np.zeros(supports.displacement.shape, dtype=bool)  # supports have their rates already

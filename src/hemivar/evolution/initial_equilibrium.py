@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import SOLVED, DiscreteEvolution, ExternalData
 from hemivar.evolution.initial import AT_ONCE
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
@@ -31,8 +31,6 @@ _NO_REST = (
     "friction that weakens with the slip rate may not carry the initial load at rest; start from a smaller load "
     "and increase it, or give the body mass or viscosity"
 )
-#: Part of gaps by which a point that touches may be deep by rounding.
-_TOUCHES = 1e-9
 
 
 def has_instantaneous_part(discrete: DiscreteEvolution) -> bool:
@@ -127,7 +125,7 @@ def gap_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
         ends.append(ends[-1])
     before, came, after = (early - late for early, late in itertools.pairwise(ends))
     depth = taken.state.local.displacement[:, 0]
-    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > _TOUCHES * np.abs(ends[2]).max(initial=0.0))
+    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > SOLVED * np.abs(ends[2]).max(initial=0.0))
     jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
     jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
     return jump, deepest

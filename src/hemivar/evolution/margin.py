@@ -32,6 +32,7 @@ from hemivar.certificates.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution.barrier import path_bends_downwards
+from hemivar.evolution.discrete import KEPT
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import BoundaryLaw
@@ -46,8 +47,8 @@ _SMALL = 20_000
 #: Steps that are looked at in each factor of two, and powers of two that are; that of a step that stands for all longer
 #: ones, in which neither mass nor viscosity resists any more.
 _PARTS, _WIDEST, _FARTHEST = 70, 24, 96
-#: Condensed bodies of such steps that are kept.
-_FEWEST, _BYTES = 8, 1 << 25
+#: Bytes of condensed bodies of such steps that are kept, a few of them in any case.
+_BYTES = 1 << 25
 
 
 def crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
@@ -246,7 +247,7 @@ class Margins:
                 stiffness = None
             self._matrices[factors] = stiffness
             size = 1 if stiffness is None else stiffness.nbytes
-            while len(self._matrices) > max(_FEWEST, _BYTES // max(size, 1)):
+            while len(self._matrices) > max(KEPT, _BYTES // max(size, 1)):
                 self._matrices.popitem(last=False)
         self._matrices.move_to_end(factors)
         return self._matrices[factors]

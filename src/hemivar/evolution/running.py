@@ -16,7 +16,7 @@ from hemivar.evolution import findings
 from hemivar.evolution.control import Control, ControlledStepper
 from hemivar.evolution.data_in_time import kinks_in_time
 from hemivar.evolution.digest import identity
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import EXACT, DiscreteEvolution, ExternalData
 from hemivar.evolution.findings import Finding
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.initial import apply_impulse, initial_state
@@ -48,8 +48,6 @@ __all__ = ["Backend", "StepEvent", "TimeLoop"]
 
 #: How near an event is found, as a part of the step in which it happens: 20 bisections.
 _NEAR = 1e-6
-#: The shortest first step, as a part of the latest time: more than rounding.
-_RESOLVED = 1e-12
 #: Length of a step above which, and the inverse of that below which, numbers of schemes over- or underflow.
 _LONGEST = 1e100
 #: How a march ends in which the scheme made more than half of the energy that was given.
@@ -124,7 +122,7 @@ class TimeLoop:
         span = plan.until - self.start
         self.stepping = plan.stepping(span)
         self.step_size = self.stepping.first(span)
-        least, step = _RESOLVED * max(abs(self.start), abs(plan.until)), self.step_size.step
+        least, step = EXACT * max(abs(self.start), abs(plan.until)), self.step_size.step
         if step < least:
             raise ProblemError(
                 f"the step is {step:g}, too short for times up to {plan.until:g} to be distinguished; take at least "

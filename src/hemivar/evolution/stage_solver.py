@@ -61,13 +61,15 @@ if TYPE_CHECKING:
 
 __all__ = ["JumpPaths", "StageSolution", "StageSolver", "predicted_contact"]
 
-#: How far beyond the end of a branch the load goes to leave it, as parts of the step: the first that is felt.
+#: How far beyond the end of a branch the load goes to leave it, as parts of the step: the first that is felt. The
+#: tests of jumps pass with the last three alone.
 _BEYOND = tuple(10.0**k for k in range(-8, -3))
 #: Ends of branches in one step, at most.
 _ENDS = 200
-#: A change of place that counts as a jump, as a part of a typical displacement.
+#: A change of displacement that counts as a jump, as a part of a typical one. The tests of jumps pass from 1e-7 to 1e-2.
 _JUMPS = 1e-4
-#: Part of the tolerance of a step that cycles of multigrid leave, and that a linear body in the place of another does.
+#: Part of the tolerance of a step that cycles of multigrid leave, which then meet it (tests pass with 0.5 as well), and
+#: that a linear body in the place of another does, whose Newton's method is to converge as fast as without it.
 _SHARE, _AIM = 0.9, 0.1
 #: Part of the size of what is added up by which rounding may be taken for half of a tolerance.
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
@@ -300,7 +302,7 @@ class StageSolver:
             elif controls.atol == 0.0:  # nothing acts yet that they could be held against, as before a jump
                 again = self._sought(stage, initial, jump, controls.within(known / TIGHT))
                 solved = again if again.solution.residual.relative <= _KNOWN else solved
-        if solved.solution.status is Status.CONVERGED and _untold(self.discrete, stage, controls):
+        if solved.solution.status is Status.CONVERGED and _indeterminate(self.discrete, stage, controls):
             return replace(solved, solution=replace(solved.solution, status=Status.INACCURATE), reached=None)
         return solved
 
@@ -463,7 +465,7 @@ def _rounding(stage: Stage) -> float:
     return 0.5 * float(np.finfo(float).eps) * size
 
 
-def _untold(discrete: DiscreteEvolution, stage: Stage, controls: Controls) -> bool:
+def _indeterminate(discrete: DiscreteEvolution, stage: Stage, controls: Controls) -> bool:
     """Whether displacements do not tell the forces of so short a step: their rounding makes too much of them.
 
     A body that comes to rest is none of these: the rounding is next to nothing beside the elastic forces then.
