@@ -28,6 +28,7 @@ from hemivar.mechanics.conditions import (
 from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -228,7 +229,7 @@ def load_vector(
     def on(name: str, traction: Traction) -> Density:
         if not isinstance(traction, Pressure):
             return density(traction, f"{names[1]}['{name}']")
-        value, normals = traction.value, mesh.facet_normals(mesh.boundaries[name])[0]
+        value, normals = traction.value, boundary_rule(mesh, name).normals
         return lambda points, facet: -DataField(value, f"tractions['{name}']").at(points)[:, None] * normals[facet]
 
     stated = {name: on(name, traction) for name, traction in (tractions or {}).items()}
@@ -253,9 +254,8 @@ def integrated_load(
     load = np.zeros((mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0), components))
     _add_load(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, _measured(inside, body))
     for name, density in sorted(boundaries.items()):  # in whatever order they are stated: the same sum
-        facets = mesh.boundaries[name]
-        nodes, measures = mesh.facet_nodes(facets, order), mesh.facet_normals(facets)[1]
-        _add_load(load, mesh.points, facets, nodes, measures, order, 5, _measured(density, body))
+        rule = boundary_rule(mesh, name, order)
+        _add_load(load, mesh.points, rule.facets, rule.nodes, rule.weights, order, 5, _measured(density, body))
     return load.ravel()
 
 

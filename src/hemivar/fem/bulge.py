@@ -20,6 +20,7 @@ from hemivar.fem.elements import shape_values
 from hemivar.fem.mortar import Mortar
 from hemivar.fem.supports import sum_by, unit
 from hemivar.mechanics.statement import ContactProblem, Geometry
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.smooth_chains import BEND, Chains, chains
@@ -49,12 +50,12 @@ def bulge(mesh: Mesh, name: str) -> Bulge:
     A refined mesh keeps the facets of its coarsest one, whose nodes are those of the curve.
     """
     root, number, places = _coarsest(mesh, name)
-    facets = root.boundaries[name]
-    of, local = chains(root, facets), _sides(mesh.dim)
-    arcs = np.zeros((2, len(facets), mesh.dim + len(local), mesh.dim))
+    rule = boundary_rule(root, name)
+    of, local = chains(rule), _sides(mesh.dim)
+    arcs = np.zeros((2, len(rule.facets), mesh.dim + len(local), mesh.dim))
     on = np.flatnonzero(of.curved)
     if on.size:
-        arcs[:, on, mesh.dim :] = _Net.of(root, facets, of).ways()
+        arcs[:, on, mesh.dim :] = _Net.of(root, rule, of).ways()
     if root is not mesh:
         middle = [0.5 * (places[:, a] + places[:, b]) for a, b in local]
         shape = shape_values(2, np.concatenate([places, np.stack(middle, axis=1)], axis=1))
@@ -132,7 +133,7 @@ def _neighbours(problem: ContactProblem, name: str, found: Mortar) -> tuple[IntA
     """Contact points (c,) and (c,) of one facet of the slave, each pair as often as it has facets, both ways."""
     mesh, place = problem.mesh, np.full(found.jump.shape[1], -1)
     place[found.nodes] = np.arange(found.nodes.size)
-    ends = place[mesh.facet_nodes(mesh.boundaries[problem.pair(name)[0]], problem.order)]
+    ends = place[boundary_rule(mesh, problem.pair(name)[0], problem.order).nodes]
     first, second = (ends[:, part].ravel() for part in np.nonzero(~np.eye(ends.shape[1], dtype=bool)))
     both = (first >= 0) & (second >= 0)
     return first[both], second[both]
@@ -179,13 +180,12 @@ class _Net:
     sharp: BoolArray  # (n,), where it meets itself at a larger angle
 
     @classmethod
-    def of(cls, mesh: Mesh, facets: IntArray, of: Chains) -> _Net:
-        """That of the curved ones of facets (k, d)."""
-        count, dim = mesh.number_of_nodes, mesh.dim
+    def of(cls, mesh: Mesh, rule: BoundaryRule, of: Chains) -> _Net:
+        """That of the curved facets of a boundary."""
+        facets, count, dim = rule.facets, mesh.number_of_nodes, mesh.dim
         keys = of.chain[:, None] * count + facets
         known, own = np.unique(keys[of.curved], return_inverse=True)
         own = own.reshape(-1, dim)
-        normals, measures = mesh.facet_normals(facets[of.curved])
         ends = np.sort(np.stack([own[:, pair] for pair in _sides(dim)], axis=1).reshape(-1, 2), axis=1)
         edges, edge, often = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
         border = np.zeros(len(known), dtype=bool)
@@ -193,7 +193,8 @@ class _Net:
         one, other = of.pairs[(of.angle > BEND) & (of.chain[of.pairs[:, 0]] == of.chain[of.pairs[:, 1]])].T
         met = (facets[one][:, :, None] == facets[other][:, None]).any(axis=2)
         sharp = np.isin(known, keys[one][met])
-        summed = sum_by(own.ravel(), np.repeat(normals * measures[:, None], dim, axis=0), len(known))
+        weighted = (rule.normals * rule.weights[:, None])[of.curved]
+        summed = sum_by(own.ravel(), np.repeat(weighted, dim, axis=0), len(known))
         summed[sharp] = np.eye(dim)[0]  # they may cancel there, where nothing is an arc
         return cls(mesh.points[known % count], unit(summed), edges, edge.reshape(len(own), -1), border, sharp)
 

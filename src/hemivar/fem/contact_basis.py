@@ -17,11 +17,24 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import quadrature_rule
+from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.statement import Quadrature
+from hemivar.mesh.boundary_rule import BoundaryRule
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["contact_shapes", "lagrange_moments", "nodal_depths", "nodal_values", "seen_gap", "seen_values"]
+__all__ = [
+    "contact_shapes",
+    "contact_weights",
+    "lagrange_moments",
+    "nodal_depths",
+    "nodal_values",
+    "seen_gap",
+    "seen_values",
+]
 
+#: Share of a weight in that of facets at the largest radius that is rounding.
+_NONE = 1e-9
 #: With it the weight of a corner is 2/15 of the triangle, and that of a middle 1/5.
 _ALPHA = 0.2
 #: How far a gap may be off the parabola of an edge, of the second difference there: less than at a kink or a step.
@@ -44,6 +57,22 @@ def contact_shapes(order: int, barycentric: Array) -> Array:
     """
     shapes = shape_values(order, barycentric)
     return shapes @ _CHANGE.T if shapes.shape[-1] == len(_CHANGE) else shapes
+
+
+def contact_weights(mesh: Mesh, rule: BoundaryRule, body: BodyKinematics) -> tuple[Array, BoolArray]:
+    """Integrals (N,) of the functions of contact over a boundary, by node; and which of them are no more than rounding.
+
+    None they are away from it, and on the axis of a body of revolution: at corners of quadratic facets, and at those of
+    facets along it.
+    """
+    barycentric, weights = quadrature_rule(mesh.dim - 1, rule.order + body.ring)
+    points = np.einsum("qc,fcd->fqd", barycentric, mesh.points[rule.facets])
+    parts = (body.measure(points) * weights) @ contact_shapes(rule.order, barycentric)
+    count = mesh.number_of_nodes + (len(mesh.edges) if rule.order == 2 else 0)
+    size, own = np.zeros(count), np.zeros(count)
+    np.add.at(size, rule.nodes, rule.weights[:, None])
+    np.add.at(own, rule.nodes, rule.weights[:, None] * parts)
+    return own, np.asarray(own <= _NONE * float(body.measure(mesh.points).max()) * size)
 
 
 def lagrange_moments(moments: Array) -> Array:

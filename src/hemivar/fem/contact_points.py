@@ -14,18 +14,18 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair, bulge
-from hemivar.fem.contact_basis import seen_gap, seen_values
+from hemivar.fem.contact_basis import contact_weights, seen_gap, seen_values
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
-from hemivar.fem.rings import facet_shares, weightless
 from hemivar.fem.sharp_corners import handed_on
-from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
+from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import Normals, obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -89,29 +89,26 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     mesh, order, contact = problem.mesh, problem.order, problem.contact[name]
     if contact.against:
         return _pair(problem, name, supports)
-    facets = mesh.boundaries[name]
-    members = mesh.facet_nodes(facets, order)
-    normals, measures = mesh.facet_normals(facets)
+    rule = boundary_rule(mesh, name, order)
     count, dim = supports.nodes.shape
-    weights: Array
-    share = shares(order, dim)
     if problem.quadrature is Quadrature.NODAL:
-        nodes, place, normal = _nodal_normals(problem, name, facets, supports)
-        parts = facet_shares(mesh, facets, order, problem.kinematics.ring)
-        weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
-        seen = ~weightless(mesh, facets, order, problem.kinematics.ring)[nodes]
+        nodes, normal = _nodal_normals(problem, name, rule, supports)
+        weights, none = contact_weights(mesh, rule, problem.kinematics)
+        seen = ~none[nodes]
         if not seen.any():
             raise ProblemError(
                 f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
                 "name another boundary"
             )
-        nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
+        nodes, normal = nodes[seen], normal[seen]
+        weights = weights[nodes]
         average, facet, points = _seen(mesh, order, nodes, supports), np.full(len(nodes), -1), supports.nodes[nodes]
     else:
-        rows = np.repeat(np.arange(len(facets)), members.shape[1])
-        nodes, facet = np.full(len(facets), -1), np.arange(len(facets))
-        average = sp.csr_array((np.tile(share, len(facets)), (rows, members.ravel())), shape=(len(facets), count))
-        normal, weights, points = unit(normals), measures, mesh.points[facets].mean(axis=1)
+        number, share = len(rule.facets), shares(order, dim)
+        nodes, facet = np.full(number, -1), np.arange(number)
+        rows = np.repeat(facet, share.size)
+        average = sp.csr_array((np.tile(share, number), (rows, rule.nodes.ravel())), shape=(number, count))
+        normal, weights, points = unit(rule.normals), rule.weights, mesh.points[rule.facets].mean(axis=1)
     if contact.obstacle is None:
         gap = _stated_gap(problem, average, nodes, points, f"gap of contact '{name}'", contact.gap)
     else:
@@ -176,8 +173,7 @@ def _to_arcs(problem: ContactProblem, name: str, nodes: IntArray) -> Array:
     """Ways (k, d) from nodes to the arcs that the facets of a boundary stand for, of quadratic tetrahedra."""
     mesh, found = problem.mesh, np.zeros((len(nodes), problem.mesh.dim))
     if problem.order == 2 and mesh.dim == 3 and problem.geometry is Geometry.CURVED:
-        members = mesh.facet_nodes(mesh.boundaries[name], 2)
-        found[np.searchsorted(nodes, members)] = bulge(mesh, name).arcs
+        found[np.searchsorted(nodes, boundary_rule(mesh, name, 2).nodes)] = bulge(mesh, name).arcs
     return found
 
 
@@ -194,28 +190,22 @@ def _held_alone(average: sp.csr_array, nodes: IntArray, frames: Array, supports:
 
 
 def _nodal_normals(
-    problem: ContactProblem, name: str, facets: IntArray, supports: Supports, share: Array | float = 1.0
-) -> tuple[IntArray, IntArray, Array]:
-    """Nodes (k,) of facets (f, d), the place among them of each node of a facet (f n,), and unit normals (k, d).
-
-    These are means of those of the facets around, by their measures, of which the ``share`` (f, n) counts.
-    """
-    normals, measures = problem.mesh.facet_normals(facets)
-    members = problem.mesh.facet_nodes(facets, problem.order)
-    nodes, place = np.unique(members.ravel(), return_inverse=True)
-    place, counted = place.ravel(), np.broadcast_to(measures[:, None] * share, members.shape).ravel()
-    summed = sum_by(place, np.repeat(normals, members.shape[1], axis=0) * counted[:, None], len(nodes))
+    problem: ContactProblem, name: str, rule: BoundaryRule, supports: Supports, share: Array | float = 1.0
+) -> tuple[IntArray, Array]:
+    """Nodes (k,) of facets, and unit normals (k, d) there: see :meth:`BoundaryRule.summed_normals`."""
+    nodes, number, summed = rule.summed_normals(share)
+    size = np.bincount(number, np.broadcast_to(rule.weights[:, None] * share, rule.nodes.shape).ravel())
     # on the axis of a body of revolution the other half of the section is the mirror image
     middle = problem.kinematics.on_axis(supports.nodes)[nodes] & (np.abs(summed[:, 1]) > np.abs(summed[:, 0]))
     summed[middle, 0] = 0.0
-    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=counted)
+    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * size
     if fold.any():
         bad = int(nodes[np.flatnonzero(fold)[0]])
         raise ProblemError(
             f"contact boundary '{name}' folds back on itself at node {bad}, x = "
             f"{in_words(supports.nodes[bad])}, so it has no normal there; split it into two boundaries"
         )
-    return nodes, place, unit(summed)
+    return nodes, unit(summed)
 
 
 def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> tuple[Mortar, Array]:
@@ -223,22 +213,25 @@ def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> t
 
     Normals are those of the facets that meet the master.
     """
-    mesh, order, title = problem.mesh, problem.order, _called(problem, name)
-    slave, master = problem.pair(name)
-    pieces = paired(mesh, mesh.boundaries[slave], mesh.boundaries[master], title)
-    touching, away = np.flatnonzero(pieces.touches), handed_on(mesh, order, pieces)
+    title, sides = _called(problem, name), problem.pair(name)
+    pieces = _facing(problem, sides, title)
+    touching, away = np.flatnonzero(pieces.touches), handed_on(pieces)
     counted = pieces.covered[touching, None] * ~away[touching]
-    nodes, _, normal = _nodal_normals(problem, slave, mesh.boundaries[slave][touching], supports, counted)
+    nodes, normal = _nodal_normals(problem, sides[0], pieces.sides[0].take(touching), supports, counted)
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
     held = np.zeros(len(supports.nodes), dtype=bool)
     held[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
     given_up = np.flatnonzero(pieces.touches & away.all(axis=1))
     pieces = replace(pieces, lost=np.union1d(pieces.lost, given_up))
-    without = away | held[mesh.facet_nodes(mesh.boundaries[slave], order)]
-    found = mortar(mesh, order, pieces, without, problem.kinematics.ring)
+    found = mortar(problem.mesh, pieces, away | held[pieces.sides[0].nodes], problem.kinematics)
     if not found.nodes.size:
-        raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
+        raise ProblemError(f"{title}: supports hold all nodes of '{sides[0]}'; give slave = '{sides[1]}'")
     return found, normal[np.searchsorted(nodes, found.nodes)]
+
+
+def _facing(problem: ContactProblem, sides: tuple[str, str], title: str) -> Pairing:
+    slave, master = (boundary_rule(problem.mesh, side, problem.order) for side in sides)
+    return paired(problem.mesh, (slave, master), title)
 
 
 def _called(problem: ContactProblem, name: str) -> str:
@@ -309,7 +302,7 @@ def _lost(title: str, nodes: Array, pieces: Pairing) -> tuple[str, ...]:
     """A sentence on facets of the slave that do not touch what their normals meet, where there are some."""
     if not len(pieces.lost):
         return ()
-    place = in_words(nodes[pieces.facets[0][pieces.lost[0]]].mean(axis=0))
+    place = in_words(nodes[pieces.sides[0].facets[pieces.lost[0]]].mean(axis=0))
     return (
         f"{title}: facets do not touch what their normals meet, {len(pieces.lost)} of them, the first at x = {place}; "
         "another part of the mesh is in between, the overlap is deeper than the body, or their corners belong to "
@@ -423,7 +416,7 @@ def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray
     both leave the joint to the nodes beside them, where there are some.
     """
     mesh, sides, title = problem.mesh, problem.pair(name), _called(problem, name)
-    slave, master = (mesh.boundaries[side] for side in sides)
+    slave = mesh.boundaries[sides[0]]
     if held[slave].all(axis=1).any():
         raise ProblemError(
             f"{title}: supports prescribe the values along facets of '{sides[0]}'; prescribe them on a smaller "
@@ -431,8 +424,8 @@ def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray
         )
     without, alone = held | taken, slave[(held | taken)[slave].all(axis=1)]
     without[alone] = held[alone]
-    pieces = paired(mesh, slave, master, title)
-    found = mortar(mesh, problem.order, pieces, without[mesh.facet_nodes(slave, problem.order)])
+    pieces = _facing(problem, sides, title)
+    found = mortar(mesh, pieces, without[pieces.sides[0].nodes], problem.kinematics)
     said = _lost(title, problem.mesh.points, found.pieces)
     return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump, said)
 
@@ -441,8 +434,7 @@ def _places(problem: ContactProblem, count: int, names: list[str]) -> list[_Plac
     """Contacts on boundaries, or over areas; a node of two of them belongs to the first entirely."""
     found: list[_Place] = []
     for name in names:
-        members, parts = _parts(problem, name)
-        summed = np.bincount(members.ravel(), weights=parts.ravel(), minlength=count)
+        summed = _weights(problem, name, count)
         for k, other in enumerate(found):
             found[k] = replace(other, weights=other.weights + summed[other.nodes])
             summed[other.nodes] = 0.0
@@ -453,14 +445,14 @@ def _places(problem: ContactProblem, count: int, names: list[str]) -> list[_Plac
     return found
 
 
-def _parts(problem: ContactProblem, name: str) -> tuple[IntArray, Array]:
-    """The nodes (k, q) of the facets or cells of a contact, and the weight that each of them has there."""
-    mesh, order = problem.mesh, problem.order
-    if name in problem.areas:
-        cells, share = problem.areas[name], np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
-        return mesh.cells[cells], np.outer(mesh.volumes[cells], share)
-    facets = mesh.boundaries[name]
-    return mesh.facet_nodes(facets, order), facet_shares(mesh, facets, order, ring=False)
+def _weights(problem: ContactProblem, name: str, count: int) -> Array:
+    """The weights (nodes,) of all nodes in a contact on a boundary or over an area."""
+    mesh = problem.mesh
+    if name not in problem.areas:
+        return contact_weights(mesh, boundary_rule(mesh, name, problem.order), problem.kinematics)[0]
+    cells, often = problem.areas[name], mesh.dim + 1
+    parts = np.repeat(mesh.volumes[cells] * (1.0 / often), often)
+    return np.asarray(np.bincount(mesh.cells[cells].ravel(), parts, count), dtype=float)
 
 
 def _refuse_shared(boundary: str, own: IntArray, area: _Place, nodes: Array, free: BoolArray) -> None:

@@ -29,6 +29,7 @@ from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import matrix_of, nodal_conditions
 from hemivar.mechanics.conditions import ScalarData, Support, stated_values
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 
 __all__ = ["Reduction", "body_family", "moved_components"]
 
@@ -126,11 +127,7 @@ def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
     names = [name for name, support in problem.supports.items() if problem.thermal or _moves(support)]
     if not names:
         return np.zeros(0, dtype=np.int64)
-    nodes = np.unique(
-        np.concatenate(
-            [problem.mesh.facet_nodes(problem.mesh.boundaries[name], problem.order).ravel() for name in names]
-        )
-    )
+    nodes = np.unique(np.concatenate([boundary_rule(problem.mesh, name, problem.order).nodes for name in names]))
     held = np.abs(supports.directions[nodes]).max(axis=1) > 0.0
     node, component = np.nonzero(held)
     return np.asarray(nodes[node] * problem.components + component, dtype=np.int64)

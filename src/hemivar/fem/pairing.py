@@ -17,6 +17,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.facet_tree import FacetTree
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -37,7 +38,7 @@ _WITHIN = (1.0, 0.8137, 0.6311)
 class Pairing:
     """Simplices of the slave's facets and of those of the master that they meet, by barycentric coordinates of both."""
 
-    facets: tuple[IntArray, IntArray]  # (f, d) of the slave, (g, d) of the master
+    sides: tuple[BoundaryRule, BoundaryRule]  # the slave, of f facets, and the master, of g
     slave: IntArray  # (k,)
     master: IntArray  # (k,)
     on_slave: Array  # (k, d, d)
@@ -50,7 +51,7 @@ class Pairing:
     @cached_property
     def covered(self) -> Array:
         """The share (f,) of each facet of the slave that meets the master."""
-        return np.asarray(np.bincount(self.slave, self.share, len(self.facets[0])), dtype=float)
+        return np.asarray(np.bincount(self.slave, self.share, len(self.sides[0].facets)), dtype=float)
 
     @property
     def touches(self) -> BoolArray:
@@ -60,7 +61,7 @@ class Pairing:
     @cached_property
     def distance(self) -> Array:
         """The mean distance (f,) of what each facet of the slave meets, negative where they overlap."""
-        summed = np.bincount(self.slave, self.share * self.depth, len(self.facets[0]))
+        summed = np.bincount(self.slave, self.share * self.depth, len(self.sides[0].facets))
         return np.asarray(summed / np.where(self.touches, self.covered, 1.0))
 
 
@@ -140,16 +141,16 @@ class _Pieces:
         return np.asarray(np.where(there, found, found[:, :1]))
 
 
-def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing:
-    """What the facets ``slave (f, d)`` meet of the facets ``master (g, d)`` along their normals.
+def paired(mesh: Mesh, sides: tuple[BoundaryRule, BoundaryRule], names: str) -> Pairing:
+    """What the facets (f, d) of the first side, the slave, meet of those of the second one along their normals.
 
     ``names`` is what messages call the two.  Raises ProblemError: nothing faces the slave.
     """
-    normal, measure = mesh.facet_normals(slave)
+    slave, master, normal = sides[0].facets, sides[1].facets, sides[0].normals
     rounding = 8.0 * np.finfo(float).eps * float(np.abs(mesh.points).max())
-    view = _View(mesh.points, slave, normal, _ONE_PLACE * measure ** (1.0 / (mesh.dim - 1)) + rounding)
+    view = _View(mesh.points, slave, normal, _ONE_PLACE * sides[0].widths + rounding)
     first, second = view.columns(FacetTree(mesh.points[master]), np.arange(len(slave)))
-    facing = np.einsum("pd,pd->p", normal[first], mesh.facet_normals(master)[0][second]) < _FACING
+    facing = np.einsum("pd,pd->p", normal[first], sides[1].normals[second]) < _FACING
     first, second = first[facing], second[facing]
     same, turn = _coinciding(view, first, master[second])
     rest, d = ~np.isin(first, first[same]), mesh.dim
@@ -160,7 +161,7 @@ def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing
     simplices, of = simplices[big], of[big]
     whole = np.broadcast_to(np.eye(d), turn.shape)
     found = Pairing(
-        (slave, master),
+        sides,
         np.concatenate([first[same], pieces.slave[of]]),
         np.concatenate([second[same], pieces.master[of]]),
         np.concatenate([whole, simplices[:, :, :d]]),
@@ -249,8 +250,8 @@ class _Surroundings:
     """
 
     def __init__(self, mesh: Mesh, view: _View, master: IntArray) -> None:
-        self.view, self.facets = view, mesh.boundary_facets
-        self.corners, self.normal = mesh.points[self.facets], mesh.facet_normals(self.facets)[0]
+        self.view, rule = view, boundary_rule(mesh, None)
+        self.facets, self.corners, self.normal = rule.facets, mesh.points[rule.facets], rule.normals
         self.tree = FacetTree(self.corners)
         every, sought = (facet_keys(facets, mesh.number_of_nodes) for facets in (self.facets, master))
         self.sought = np.isin(every, sought)

@@ -1,4 +1,4 @@
-"""Bodies of revolution: integrals over rings, and the strain around the axis; x is the radius r and y the axis."""
+"""Bodies of revolution (axisymmetric): what the hoop strain around the axis is, and what it adds to the stiffness."""
 
 from __future__ import annotations
 
@@ -7,15 +7,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.contact_basis import contact_shapes
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Hoop", "facet_shares", "hoop_matrices", "hoop_strain", "weightless"]
-
-#: Share of a weight in that of facets at the largest radius that is rounding.
-_NONE = 1e-9
+__all__ = ["Hoop", "hoop_matrices", "hoop_strain"]
 
 #: Stress around the axis, see :class:`hemivar.fem.constitutive.ConstitutiveLaw`.
 Hoop = Callable[[Array, Mapping[str, BoolArray] | None], Array]
@@ -50,27 +46,3 @@ def hoop_matrices(mesh: Mesh, order: int, hoop: Hoop, strains: IntArray, cells: 
         found[:, :, :, :, 0] += plane[:, :, :, None] * around[:, None, None, :]
         found[:, :, 0, :, 0] += row[:, -1, None, None] * around[:, :, None] * around[:, None, :]
     return found
-
-
-def facet_shares(mesh: Mesh, facets: IntArray, order: int, ring: bool) -> Array:
-    """Integrals of the functions of contact over facets (f, d), (f, L): over whole rings of a body of revolution."""
-    measures = mesh.facet_normals(facets)[1]
-    barycentric, weights = quadrature_rule(mesh.dim - 1, order + ring)
-    values = contact_shapes(order, barycentric)
-    if not ring:
-        return np.outer(measures, weights @ values)
-    radius = mesh.points[facets, 0] @ barycentric.T
-    return np.asarray(2.0 * np.pi * measures[:, None] * ((radius * weights) @ values))
-
-
-def weightless(mesh: Mesh, facets: IntArray, order: int, ring: bool) -> BoolArray:
-    """Which nodes (N,) of facets (f, d) have no weight in a body of revolution, or what rounding makes of none.
-
-    They lie on the axis: corners of quadratic facets, and those of facets along it.
-    """
-    members, count = mesh.facet_nodes(facets, order), len(mesh.nodes(order))
-    if not ring:
-        return np.zeros(count, dtype=bool)
-    own = np.bincount(members.ravel(), facet_shares(mesh, facets, order, ring).ravel(), count)
-    size = np.bincount(members.ravel(), np.repeat(mesh.facet_normals(facets)[1], members.shape[1]), count)
-    return np.asarray(own <= _NONE * 2.0 * np.pi * mesh.points[:, 0].max() * size)

@@ -20,6 +20,7 @@ from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, DataField, check_finite
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
@@ -384,8 +385,7 @@ def _holds(mesh: Mesh, point: Array) -> bool:
         return False
     # on the outer boundary the point is not inside: some facet that holds it belongs to one cell only
     outer = mesh.points[mesh.boundary_facets]
-    normals, _ = mesh.facet_normals(mesh.boundary_facets)
-    height = np.abs(np.einsum("kd,kd->k", normals, point - outer[:, 0]))
+    height = np.abs(np.einsum("kd,kd->k", boundary_rule(mesh, None).normals, point - outer[:, 0]))
     slack = 1e-9 * float((high - low).max())
     boxed = ((outer.min(axis=1) - slack <= point) & (point <= outer.max(axis=1) + slack)).all(axis=1)
     return not bool((boxed & (height <= slack)).any())

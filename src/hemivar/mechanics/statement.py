@@ -43,6 +43,7 @@ from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -561,7 +562,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         size, share, stiff = {}, {}, {}
         for side in (name, other):
             facets, stiff[side] = self.mesh.boundaries[side], self.stiffness_at(side)
-            size[side] = float(self.mesh.facet_normals(facets)[1].mean())
+            size[side] = float(boundary_rule(self.mesh, side).weights.mean())
             share[side] = float(held[np.unique(facets)].mean())
         if max(share.values()) == 1.0 > min(share.values()):
             first = min(share, key=lambda side: share[side])

@@ -255,6 +255,11 @@ class Mesh(PickleMixin):
         _, first, counts = np.unique(keys, return_index=True, return_counts=True)
         return frozen(facets[np.sort(first[counts == 1])])
 
+    @cached_property
+    def _rules(self) -> dict[tuple[str | None, int], object]:
+        """The :class:`hemivar.mesh.boundary_rule.BoundaryRule` of each boundary and order that was asked for."""
+        return {}
+
     def nodes(self, order: int = 1) -> Array:
         """Displacement nodes: the vertices and, for order 2, the edge midpoints after them.
 
