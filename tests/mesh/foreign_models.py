@@ -12,16 +12,16 @@ FILES = Path(__file__).parent / "files"
 #: Name, elements, order, formats.
 EXPORTS = (
     ("plane", "triangles", 1, "inp bdf med su2 mesh vtk"),
-    ("quads", "quadrilaterals", 1, "inp med vtk"),
-    ("second", "triangles", 2, "inp med su2 vtk"),
+    ("quads", "quadrilaterals", 1, "inp med unv vtk"),
+    ("second", "triangles", 2, "inp med su2 unv vtk"),
     ("hexes", "hexahedra", 1, "inp bdf med su2 mesh vtk"),
-    ("hexes2", "hexahedra", 2, "inp bdf med vtk"),
+    ("hexes2", "hexahedra", 2, "inp bdf med unv vtk"),
     ("wedges1", "wedges", 1, "msh"),
-    ("wedges2", "wedges", 2, "msh inp bdf vtk"),
+    ("wedges2", "wedges", 2, "msh inp bdf unv vtk"),
 )
 
 
-def make(gmsh: Any, elements: str, order: int) -> None:
+def mesh_body(gmsh: Any, elements: str, order: int) -> None:
     """Mesh the body of these elements in the current session of Gmsh."""
     gmsh.clear()
     model, option, solid = gmsh.model, gmsh.option.setNumber, elements in ("hexahedra", "wedges")
@@ -69,7 +69,7 @@ if __name__ == "__main__":
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     for name, elements, order, formats in EXPORTS:
-        make(gmsh, elements, order)
+        mesh_body(gmsh, elements, order)
         for suffix in formats.split():
             gmsh.write(str(FILES / f"gmsh-{name}.{suffix}"))
     gmsh.finalize()

@@ -82,9 +82,9 @@ def lagrange_moments(moments: Array) -> Array:
 
 def nodal_values(mesh: Mesh, order: int, nodes: IntArray, seen: Array) -> Array:
     """A field at nodes (k, ...) by the values seen there; these where an end of the edge is not among the nodes."""
-    found, (at, ends) = seen.copy(), _middles(mesh, order, nodes)
-    found[at] = (1.0 - 2.0 * _ALPHA) * seen[at] + _ALPHA * seen[ends].sum(axis=1)
-    return found
+    field, (at, ends) = seen.copy(), _middles(mesh, order, nodes)
+    field[at] = (1.0 - 2.0 * _ALPHA) * seen[at] + _ALPHA * seen[ends].sum(axis=1)
+    return field
 
 
 def nodal_depths(problem: DiscreteProblem, seen: Array) -> Array:
@@ -92,11 +92,11 @@ def nodal_depths(problem: DiscreteProblem, seen: Array) -> Array:
     stated, contact = problem.origin, problem.contact
     if stated is None or stated.order == 1 or stated.mesh.dim == 2 or stated.quadrature is not Quadrature.NODAL:
         return seen
-    found = seen.copy()
+    depths = seen.copy()
     for number in np.unique(contact.boundary):
         at = np.flatnonzero(contact.boundary == number)
-        found[at] = nodal_values(stated.mesh, stated.order, contact.node[at], seen[at])
-    return found
+        depths[at] = nodal_values(stated.mesh, stated.order, contact.node[at], seen[at])
+    return depths
 
 
 def seen_gap(
@@ -109,7 +109,7 @@ def seen_gap(
     So it does where contact sees the node ``alone (k,)``.  ``gaps`` gives those at other ``places``, of which there is
     a row for each node.
     """
-    found, (at, ends) = gap.copy(), _middles(mesh, order, nodes)
+    seen, (at, ends) = gap.copy(), _middles(mesh, order, nodes)
     edges = np.column_stack([ends[:, 0], at, ends[:, 1]])
     edges = edges[np.isfinite(gap[edges]).all(axis=1) & ~alone[at]]
     bend = gap[edges] @ [1.0, -2.0, 1.0]
@@ -118,18 +118,18 @@ def seen_gap(
         between = np.einsum("qn,end->qed", _QUARTERS, places[edges])
         off = [np.abs(gaps(one) - gap[edges] @ part) for one, part in zip(between, _QUARTERS, strict=True)]
         bend[np.max(off, axis=0) > _PARABOLA * np.abs(bend)] = 0.0
-        found[edges[:, 1]] -= _ALPHA / (1.0 - 2.0 * _ALPHA) * bend
-    return found
+        seen[edges[:, 1]] -= _ALPHA / (1.0 - 2.0 * _ALPHA) * bend
+    return seen
 
 
 def _middles(mesh: Mesh, order: int, nodes: IntArray) -> tuple[IntArray, IntArray]:
     """Places among nodes (k,) of middles of edges, and those of their ends (m, 2), where these are among them."""
     if order == 1 or mesh.dim == 2:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
-    place = np.full(mesh.number_of_nodes + len(mesh.edges), -1)
-    place[nodes] = np.arange(len(nodes))
+    number = np.full(mesh.number_of_nodes + len(mesh.edges), -1)
+    number[nodes] = np.arange(len(nodes))
     middle = np.flatnonzero(nodes >= mesh.number_of_nodes)
-    ends = place[mesh.edges[nodes[middle] - mesh.number_of_nodes]]
+    ends = number[mesh.edges[nodes[middle] - mesh.number_of_nodes]]
     both = (ends >= 0).all(axis=1)
     return middle[both], ends[both]
 

@@ -34,15 +34,15 @@ def hoop_matrices(mesh: Mesh, order: int, hoop: Hoop, strains: IntArray, cells: 
     corners, gradients = mesh.points[mesh.cells[cells]], barycentric_gradients(mesh, cells)
     masks, volumes = {name: mask[cells] for name, mask in region_masks(mesh).items()}, mesh.volumes[cells]
     nodes = shape_values(order, barycentric).shape[1]
-    found = np.zeros((len(corners), nodes, 2, nodes, 2))
-    for place, weight, values in zip(barycentric, weights, shape_values(order, barycentric), strict=True):
-        points = np.einsum("c,kcd->kd", place, corners)
+    matrices = np.zeros((len(corners), nodes, 2, nodes, 2))
+    for point, weight, values in zip(barycentric, weights, shape_values(order, barycentric), strict=True):
+        points = np.einsum("c,kcd->kd", point, corners)
         row = hoop(points, masks) * (weight * volumes)[:, None]
-        slopes = np.einsum("la,kad->kld", shape_derivatives(order, place), gradients)
+        slopes = np.einsum("la,kad->kld", shape_derivatives(order, point), gradients)
         around = values / points[:, :1]
         # C_hp e(u) of a unit component j at node l
         plane = np.einsum("kjm,klm->klj", row[:, strains], slopes)
-        found[:, :, 0] += around[:, :, None, None] * plane[:, None]
-        found[:, :, :, :, 0] += plane[:, :, :, None] * around[:, None, None, :]
-        found[:, :, 0, :, 0] += row[:, -1, None, None] * around[:, :, None] * around[:, None, :]
-    return found
+        matrices[:, :, 0] += around[:, :, None, None] * plane[:, None]
+        matrices[:, :, :, :, 0] += plane[:, :, :, None] * around[:, None, None, :]
+        matrices[:, :, 0, :, 0] += row[:, -1, None, None] * around[:, :, None] * around[:, None, :]
+    return matrices

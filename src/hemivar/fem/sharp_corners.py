@@ -22,10 +22,10 @@ def handed_on(pieces: Pairing) -> BoolArray:
     facet, column = np.nonzero(np.broadcast_to(pieces.touches[:, None], members.shape))
     node, distance = members[facet, column], pieces.distance[facet]
     ordered = np.lexsort((distance, node))
-    _, first, place = np.unique(node[ordered], return_index=True, return_inverse=True)
+    _, first, group = np.unique(node[ordered], return_index=True, return_inverse=True)
     nearest = np.empty(len(node), dtype=np.int64)
-    nearest[ordered] = ordered[first[place]]
+    nearest[ordered] = ordered[first[group]]
     sharp = np.einsum("kd,kd->k", normal[facet], normal[facet[nearest]]) < _SHARP
-    found = np.zeros(members.shape, dtype=bool)
-    found[facet, column] = sharp & (distance > distance[nearest] + pieces.slack[facet])
-    return found
+    away = np.zeros(members.shape, dtype=bool)
+    away[facet, column] = sharp & (distance > distance[nearest] + pieces.slack[facet])
+    return away

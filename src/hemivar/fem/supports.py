@@ -121,17 +121,17 @@ def _smooth_normals(rule: BoundaryRule) -> list[tuple[IntArray, Array]]:
     ids, often = rule.nodes.ravel(), rule.nodes.shape[1]
     normal, weight = np.repeat(rule.normals, often, axis=0), np.repeat(rule.weights, often)
     remaining = np.arange(len(ids))
-    found = []
+    groups = []
     for _ in range(normal.shape[1]):
         if len(remaining) == 0:
             break
-        nodes, first, place = np.unique(ids[remaining], return_index=True, return_inverse=True)
+        nodes, first, number = np.unique(ids[remaining], return_index=True, return_inverse=True)
         seed = normal[remaining[first]]
-        alike = np.einsum("kd,kd->k", normal[remaining], seed[place]) > SHARP
+        alike = np.einsum("kd,kd->k", normal[remaining], seed[number]) > SHARP
         chosen = remaining[alike]
-        found.append((nodes, unit(sum_by(place[alike], normal[chosen] * weight[chosen, None], len(nodes)))))
+        groups.append((nodes, unit(sum_by(number[alike], normal[chosen] * weight[chosen, None], len(nodes)))))
         remaining = remaining[~alike]
-    return found
+    return groups
 
 
 def sum_by(index: IntArray, values: Array, count: int) -> Array:
@@ -146,10 +146,10 @@ def unit(vectors: Array) -> Array:
     return np.asarray(scaled)
 
 
-def movable(vectors: Array, held: Array) -> Array:
+def movable(vectors: Array, fixed: Array) -> Array:
     """Part of vectors (k, c, d) orthogonal to the orthonormal rows of held (k, q, d), which may be zero."""
-    along = np.einsum("kcd,kqd->kcq", vectors, held)
-    return np.asarray(vectors - np.einsum("kcq,kqd->kcd", along, held))
+    along = np.einsum("kcd,kqd->kcq", vectors, fixed)
+    return np.asarray(vectors - np.einsum("kcq,kqd->kcd", along, fixed))
 
 
 def in_words(values: Array) -> str:
