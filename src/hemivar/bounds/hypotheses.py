@@ -26,6 +26,7 @@ from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body, refuse_areas
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.smooth_chains import STRAIGHT, chains, facet_angles
 
@@ -45,7 +46,7 @@ _HELD, _ROUNDING = 1e-8, 1e-15
 def body_shape(mesh: Mesh) -> str:
     """The body of a mesh in words, such as ``"a polygon with 11 straight sides"``: what a bound is one for."""
     facets = mesh.boundary_facets
-    pairs, angles = facet_angles(mesh, facets)
+    pairs, angles = facet_angles(boundary_rule(mesh, None))
     flat = pairs[angles <= STRAIGHT]
     graph = sp.coo_array((np.ones(len(flat)), flat.T), shape=2 * (len(facets),))
     count = sp.csgraph.connected_components(graph, directed=False)[0]
@@ -192,9 +193,8 @@ def _passed_rollers(problem: ContactProblem, displacement: Array) -> Iterator[st
     for name, support in problem.supports.items():
         if not isinstance(support, Roller):
             continue
-        facets = mesh.boundaries[name]
-        normals, _ = mesh.facet_normals(facets)
-        off = float(np.abs(np.einsum("fad,fd->fa", u[mesh.facet_nodes(facets, problem.order)], normals)).max())
+        rule = boundary_rule(mesh, name, problem.order)
+        off = float(np.abs(np.einsum("fad,fd->fa", u[rule.nodes], rule.normals)).max())
         if off > _HELD * size:
             yield (
                 f"the roller '{name}' bends, and holds the nodes there along the mean of the normals: the displacement "
@@ -224,7 +224,7 @@ def _curved(mesh: Mesh) -> Iterator[tuple[str, float]]:
     """
     facets = mesh.boundary_facets
     angles: dict[str, float] = {}
-    of = chains(mesh, facets)
+    of = chains(boundary_rule(mesh, None))
     turning, number = of.turning, of.chain[of.pairs[:, 0]]
     for one in np.unique(of.chain[of.curved]):
         words = _called(mesh, facets[of.chain == one])

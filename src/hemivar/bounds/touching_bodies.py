@@ -28,6 +28,7 @@ from hemivar.fem.contact_points import pair_projection, shares
 from hemivar.fem.discretize import discretize
 from hemivar.fem.supports import stated_supports
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 
 __all__ = ["contact_moments", "on_facets", "refuse_touching", "shared_anew", "touching_bodies"]
 
@@ -90,8 +91,8 @@ def on_facets(data: BodyData, problem: ContactProblem, contact: ContactPoints, f
     """
     on_all, joined = np.zeros(data.facet_loads.shape), bool(data.table.cut.any())
     for boundary, moments in _moments(problem, contact, contact.global_vectors(forces), joined):
-        facets = problem.mesh.boundaries[boundary]
-        nodes, number = problem.mesh.facet_nodes(facets, problem.order), data.table.numbers(facets)
+        rule = boundary_rule(problem.mesh, boundary, problem.order)
+        nodes, number = rule.nodes, data.table.numbers(rule.facets)
         ours, theirs = np.argsort(data.facet_nodes[number], axis=1), np.argsort(nodes, axis=1)
         np.subtract.at(on_all, (number[:, None], ours), np.take_along_axis(moments, theirs[:, :, None], axis=1))
     return on_all
@@ -140,10 +141,8 @@ def _moments(
         alone = np.flatnonzero([not problem.contact[contact.names[k]].against for k in contact.boundary])
         density = _at(nodes, contact, alone, forces / contact.weights[:, None])
         density[contact.node[on]] = (forces / contact.weights[:, None])[on]
-        facets = problem.mesh.boundaries[name]
-        measures = problem.mesh.facet_normals(facets)[1]
-        share = shares(problem.order, problem.mesh.dim)[:, None] * measures[:, None, None]
-        yield name, share * density[problem.mesh.facet_nodes(facets, problem.order)]
+        rule = boundary_rule(problem.mesh, name, problem.order)
+        yield name, shares(problem.order, problem.mesh.dim)[:, None] * rule.weights[:, None, None] * density[rule.nodes]
 
 
 def _at(nodes: int, contact: ContactPoints, points: IntArray, values: Array) -> Array:
