@@ -1,4 +1,4 @@
-"""Reads formulas safely: only arithmetic and a few functions, no Python."""
+"""Parser of formulas: only arithmetic and a few functions, no Python is run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the branches of a formula of one variable may change: zeros of what abs, min, max and conditions compare."""
+"""Kinks and jumps of a formula of one variable: zeros of what abs, min, max and conditions compare."""
 
 from __future__ import annotations
 

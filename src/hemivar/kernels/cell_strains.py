@@ -1,4 +1,4 @@
-"""Strains, stresses and nodal forces of linear elements by the compiled kernels; every array is checked."""
+"""Strains, stresses and nodal forces (gather, B-matrix, scatter) of linear elements by the compiled kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compiled library beside this module: found, checked, and told how many threads it may take."""
+"""Loads the compiled library beside this module: its version is checked, and the threads that it may take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Edges and facets of meshes, and matrices of blocks on nodes and edges, by the compiled kernels; all is checked."""
+"""Assembly by the compiled kernels: edges and facets of meshes, block matrices on nodes and edges; all is checked."""
 
 from __future__ import annotations
 

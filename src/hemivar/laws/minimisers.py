@@ -1,4 +1,4 @@
-"""Minimisers of the local problem ``a/2 r^2 - b r + j(r)`` of a contact point: all of them, and the lowest.
+"""Prox and local minimisers: of the local problem ``a/2 r^2 - b r + j(r)`` of a point, all of them and the lowest.
 
 They follow from the pieces of a law alone; :class:`~hemivar.laws.Superpotential` hands them out as its own methods.
 """

@@ -1,4 +1,4 @@
-"""Law parameters: numbers, one number per contact point, or functions of x."""
+"""Law parameters (numbers, one per contact point, formulas, functions of x): metadata, limits, evaluation."""
 
 from __future__ import annotations
 

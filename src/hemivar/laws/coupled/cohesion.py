@@ -1,4 +1,4 @@
-"""Cohesive tractions over an effective opening rho: one curve, stated by strength, fracture energy and stiffness.
+"""Cohesive traction-separation curves over an effective opening rho: by strength, fracture energy and stiffness.
 
 Each is an even scalar law Phi with ``Phi'(0) = 0``: it rises with the initial stiffness, has one strength, and lets go
 at a finite opening; the area under ``Phi'`` is the fracture energy, exactly.

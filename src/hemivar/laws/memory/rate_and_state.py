@@ -1,4 +1,4 @@
-"""Rate-and-state friction: a coefficient that depends on the slip rate and on the age of the contacts."""
+"""Rate-and-state friction (Dieterich-Ruina): a coefficient by the slip rate and the age of the contacts."""
 
 from __future__ import annotations
 
