@@ -17,6 +17,7 @@ import typer
 
 from hemivar import __version__
 from hemivar.basics.disk import shown, write_text
+from hemivar.cli import options as opt
 from hemivar.cli.command import Command, Done, function_of
 from hemivar.cli.comparison import CertifyCommand, CompareCommand, SurveyCommand
 from hemivar.cli.equilibria import BracketCommand, PathCommand, SolutionsCommand
@@ -271,6 +272,7 @@ class StudioCommand(Command):
     port: Annotated[int, option("Port; 0 takes a free one.", of="N", least=0, most=65535)] = 0
     token: Annotated[str | None, option("Secret part of the address; random if left out.", of="TEXT")] = None
     browser: Annotated[bool, option("Open the page in the browser.", "--browser/--no-browser")] = True
+    allow_code: opt.AllowCode = None
 
     def work(self) -> Done:
         import webbrowser
@@ -285,7 +287,8 @@ class StudioCommand(Command):
             text, folder, name = template(self.template), Path(), f"{self.template}.toml"
         else:
             text, folder, name = read_text(self.problem), self.problem.parent, self.problem.name
-        page = StudioPage(text, folder, name, *(() if self.token is None else (self.token,)))
+        page = StudioPage(text, folder, name, code=tuple(self.allow_code or ()))
+        page = page if self.token is None else replace(page, token=self.token)
         with bind(self.port) as listening:
             page = replace(page, port=listening.getsockname()[1])
 

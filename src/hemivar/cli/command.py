@@ -36,7 +36,7 @@ class Done:
     last: Callable[[], object] = lambda: None  # says what comes after the names of the files; may return the code
 
 
-@dataclass_transform(frozen_default=True)
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
 class Command:
     """Base of all commands: checks, works, writes what was asked for, says what was written, and ends with a code."""
 
@@ -106,6 +106,7 @@ class OnProblem(Command):
     """Base of the commands that work on a problem file."""
 
     problem: opt.ProblemPath
+    allow_code: opt.AllowCode = field(default=None, kw_only=True)
 
     def begin(self) -> None:
         """Read the problem file, once the files could be written."""
@@ -115,7 +116,9 @@ class OnProblem(Command):
     def session(self) -> Session:
         """The problem file, read, with limits and changes of the command line."""
         limits = {name: getattr(self, name, None) for name in ("rtol", "max_time", "max_steps", "given")}
-        return Session(self.problem, self.outputs, **limits, solution=self.read, engine=self.place)
+        return Session(
+            self.problem, self.outputs, **limits, solution=self.read, engine=self.place, code=self.allow_code
+        )
 
     @cached_property
     def writer(self) -> Writer:
@@ -155,6 +158,7 @@ def function_of(kind: type[Command]) -> Callable[..., int]:
         default = inspect.Parameter.empty if default is MISSING else default
         return inspect.Parameter(name, named, default=default, annotation=hints[name])
 
-    own = [parameter(one.name, one.default) for one in fields(kind)]  # type: ignore[arg-type]
+    options = sorted(fields(kind), key=lambda one: bool(one.kw_only))  # type: ignore[arg-type]
+    own = [parameter(one.name, one.default) for one in options]
     call.__doc__, call.__signature__ = kind.__doc__, inspect.Signature(own)  # type: ignore[attr-defined]
     return call

@@ -78,11 +78,11 @@ class Engine:
         """Files that this process writes in place of one."""
         return []
 
-    def read(self, path: Path, changes: Sequence[Change]) -> ProblemFile:
-        """Read a problem file."""
+    def read(self, path: Path, changes: Sequence[Change], code: Sequence[str] = ()) -> ProblemFile:
+        """Read a problem file, and what it names of the code that is allowed."""
         from hemivar.files.problem_file import read_problem_file
 
-        return read_problem_file(path, changes)
+        return read_problem_file(path, changes, code=code)
 
     def discrete(self, problem: ContactProblem) -> DiscreteProblem:
         """The discrete problem."""

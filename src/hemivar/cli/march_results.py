@@ -118,13 +118,16 @@ class AnimateCommand(Command):
     until: opt.Until = None
     step: opt.StepLength = None
     quiet: opt.Quiet = False
+    allow_code: opt.AllowCode = None
 
     @cached_property
     def march(self) -> MarchCommand | None:
         """The march of a problem file."""
         if self.file.suffix.lower() == ".pvd":
             return None
-        return _FilmedMarch(self.file, self.until, self.step, output=self.output, quiet=self.quiet)
+        return _FilmedMarch(
+            self.file, self.until, self.step, output=self.output, quiet=self.quiet, allow_code=self.allow_code
+        )
 
     @property
     def read(self) -> Path:

@@ -187,7 +187,9 @@ class MarchCommand(MarchOptions, OnProblem):
     @cached_property
     def session(self) -> Session:
         """The problem file, read."""
-        return Session(self.problem, self.named, rtol=self.rtol, given=self.given, engine=self.place)
+        return Session(
+            self.problem, self.named, rtol=self.rtol, given=self.given, engine=self.place, code=self.allow_code
+        )
 
     def work(self) -> Done:
         history, series = self.march()

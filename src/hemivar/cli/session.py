@@ -36,6 +36,7 @@ class Session:
         solution: Path | None = None,
         given: Sequence[str | Change] | None = None,
         engine: Engine | None = None,
+        code: Sequence[str] | None = None,
     ) -> None:
         from hemivar.files.changes import Change, read_change
 
@@ -48,7 +49,7 @@ class Session:
 
         changes = engine.agree(checked)
         with noting_files_read() as read:
-            self.stated = engine.read(path, changes)
+            self.stated = engine.read(path, changes, code or ())
         files = engine.inputs(read if solution is None else [*read, solution])
         engine.agree(lambda: keep_off(files_of(outputs, engine.pieces), files))
         self.path, self.outputs = path, outputs

@@ -234,7 +234,7 @@ class SweepCommand(OnProblem):
 
         axes, changes = self.ranges
         values = [*changes, *(Change(axis.key, axis.values[place]) for axis in axes)]
-        return Session(self.problem, self.outputs, self.rtol, self.max_time, given=values)
+        return Session(self.problem, self.outputs, self.rtol, self.max_time, given=values, code=self.allow_code)
 
     def work(self) -> Done:
         from hemivar.report import plot_sweep, sweep_table
@@ -244,7 +244,8 @@ class SweepCommand(OnProblem):
         axes, changes = self.ranges
         session = self.session
         search = SolutionsOptions(self.starts, self.max_solutions, self.seed, session.controls)
-        options = SweepOptions(search, self.jobs, None, changes, must_keep=self.checkpoint is not None)
+        kept, code = self.checkpoint is not None, tuple(self.allow_code or ())
+        options = SweepOptions(search, self.jobs, None, changes, must_keep=kept, code=code)
         digest = partial(sweep_digest, self.problem, axes, options)
         options = replace(options, checkpoint=session.kept("sweep", digest))
         print_title(session.stated, changes)
@@ -334,13 +335,16 @@ class IdentifyCommand(OnProblem):
         from hemivar.identification.identifying import identifying, parameters_of_law
 
         changes, wanted, session = [read_change(text) for text in self.given or ()], self.ranges, self.session
+        code = self.allow_code or ()
         if self.law is not None:
             named = {one.key for one in wanted} | {one.key for one in changes}  # what is set stays as it is set
-            of_law = parameters_of_law(self.problem, self.law, self.contact)
+            of_law = parameters_of_law(self.problem, self.law, self.contact, code)
             wanted = [*(one for one in of_law if one.key not in named), *wanted]
         print_title(session.stated)
         print(f"fit               {', '.join(f'{one.key} ({one.low:.4g} to {one.high:.4g})' for one in wanted)}")
-        work = identifying(self.problem, self.data, wanted, self.options, changes=changes, controls=session.controls)
+        work = identifying(
+            self.problem, self.data, wanted, self.options, changes=changes, controls=session.controls, code=code
+        )
         found = watched(work)
         print_table(console(), fit_table(found), keys=1)
         print(f"misfit            {found.misfit:.2%} of the largest measured value, {found.measurements.count} rows")

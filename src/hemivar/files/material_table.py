@@ -10,10 +10,12 @@ import numpy as np
 
 from hemivar.basics.arguments import suggest
 from hemivar.basics.stated import Form, Stated, keys_of, stated_fields
+from hemivar.basics.user_code import of_user
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import quantity_record
-from hemivar.files.schema import check_named, decode, encode, read_arguments, read_value, written
+from hemivar.files.schema import check_named, decode, encode, encode_arguments, read_arguments, read_value, written
 from hemivar.files.toml import KEYS, LINEAR_KEYS, TomlTable, context, kind, listed
+from hemivar.laws.registry import LawKind, entry_named, entry_of
 from hemivar.mechanics.composed_material import ByRegion
 from hemivar.mechanics.function_energy import FunctionEnergy
 from hemivar.mechanics.gradient_material import GradientMaterial
@@ -32,9 +34,9 @@ __all__ = ["material_record", "read_material"]
 _LINEAR: Mapping[str, type[SingleMaterial]] = {"lame": Lame, "young": Young, "tensor": Anisotropic}
 
 
-def read_material(table: TomlTable, mesh: Mesh, of: ScalarKind | None = None) -> Material:
+def read_material(table: TomlTable, mesh: Mesh, of: ScalarKind | None = None, code: Sequence[str] = ()) -> Material:
     """The material, evaluated once in every cell, so that its errors come before everything else."""
-    material = _gradient(table, mesh, of) if of else _material(table, mesh)
+    material = _gradient(table, mesh, of) if of else _material(table, mesh, code)
     if mesh.number_of_cells:  # a rank may have no part of the body
         masks = {}
         for name, cells in mesh.regions.items():
@@ -51,9 +53,9 @@ def read_material(table: TomlTable, mesh: Mesh, of: ScalarKind | None = None) ->
     return material
 
 
-def _material(table: TomlTable, mesh: Mesh) -> Material:
+def _material(table: TomlTable, mesh: Mesh, code: Sequence[str]) -> Material:
     if "regions" not in table:
-        return _one_material(table, mesh.dim)
+        return _one_material(table, mesh.dim, code)
     for key in table.data:
         if key != "regions":
             raise table.error(key, "cannot be combined with regions; state it in every [material.regions.NAME]")
@@ -65,7 +67,7 @@ def _material(table: TomlTable, mesh: Mesh) -> Material:
     for name in regions.data:
         if name not in known:
             raise regions.error(name, f"the mesh has no region '{name}'{suggest(name, known, 'regions')}")
-        parts[name] = _one_material(regions.table(name, KEYS["material.regions.*"]), mesh.dim)
+        parts[name] = _one_material(regions.table(name, None), mesh.dim, code)
     with context(f"{table.where('regions')}:"):
         return Material.by_region(parts)
 
@@ -95,8 +97,10 @@ def _gradient(table: TomlTable, mesh: Mesh, of: ScalarKind) -> Material:
         return Material.gradient(kind=of, **found)  # type: ignore[arg-type]
 
 
-def _one_material(table: TomlTable, dim: int) -> Material:
-    where, made, given = _by_law(table, dim) if "law" in table else _by_constants(table, dim)
+def _one_material(table: TomlTable, dim: int, code: Sequence[str]) -> Material:
+    if table.data.get("law", "") in ("", *MATERIAL_LAWS):
+        table.only(KEYS["material.regions.*" if table.name.startswith("material.") else "material"])
+    where, made, given = _by_law(table, dim, code) if "law" in table else _by_constants(table, dim)
     given |= decode(
         SingleMaterial, table, dim, by=IN_TIME, viscosity=partial(_viscosity, dim), branches=partial(_branches, dim)
     )
@@ -131,10 +135,13 @@ def _out_of_plane(table: TomlTable) -> tuple[float, ...]:
     return table.numbers("out_of_plane", 3, "a list of three numbers")
 
 
-def _by_law(table: TomlTable, dim: int) -> tuple[str, Callable[..., object], dict[str, object]]:
+def _by_law(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[str, Callable[..., object], dict[str, object]]:
     """Of a material of the registry the same."""
-    name = table.text("law", None, list(MATERIAL_LAWS))
-    entry = MATERIAL_LAWS[name]
+    name, entry = table.data["law"], None
+    if isinstance(name, str) and name not in MATERIAL_LAWS:
+        with context(f"{table.where('law')}:"):
+            entry = entry_named(name, LawKind.MATERIAL, (StoredEnergy,), code)
+    entry = entry or MATERIAL_LAWS[table.text("law", None, list(MATERIAL_LAWS))]
     known = ("law", *(p.key for p in entry.parameters), *keys_of(SingleMaterial, by=IN_TIME))
     for key in table.data:
         if key not in known:
@@ -191,8 +198,8 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
     match material:
         case GradientMaterial():
             return _gradient_record(material)
-        case Isotropic() | Anisotropic() | StoredEnergy() if _has_name(material):
-            record: dict[str, object] = {} if material.linear else {"law": material.kind}
+        case Isotropic() | Anisotropic() | StoredEnergy() if named := _name_of(material):
+            record: dict[str, object] = {} if material.linear else {"law": named}
             if isinstance(material, Lame):
                 record["lame"] = [quantity_record(getattr(material, name), f"{where}.{name}") for name in ("lam", "mu")]
             own: dict[str, Callable[..., object]] = {
@@ -200,6 +207,7 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
                 "branches": partial(_branch_records, where),
             }
             record |= encode(material, where, out_of_plane=np.ndarray.tolist)
+            record |= _own_constants(material, where)
             return record | encode(material, where, "", IN_TIME, **own)
         case ByRegion() if where == "material":
             return {
@@ -221,9 +229,18 @@ def _gradient_record(material: GradientMaterial) -> dict[str, object]:
     return record | ({"regions": regions} if regions else {})
 
 
-def _has_name(material: SingleMaterial) -> bool:
-    """Whether files know the material by a name."""
-    return material.linear or (material.kind in MATERIAL_LAWS and not isinstance(material, FunctionEnergy))
+def _name_of(material: SingleMaterial) -> str | None:
+    """The name by which files know the material, of a linear one what it is."""
+    entry = entry_of(type(material), LawKind.MATERIAL)
+    known = material.linear or (material.kind in MATERIAL_LAWS and not isinstance(material, FunctionEnergy))
+    known = known and not of_user(type(material))
+    return entry.name if entry is not None else material.kind if known else None
+
+
+def _own_constants(material: SingleMaterial, where: str) -> dict[str, object]:
+    """The constants of a material of the user's, those without metadata, too."""
+    entry = entry_of(type(material), LawKind.MATERIAL)
+    return {} if entry is None else encode_arguments(entry, material, where)
 
 
 def _viscosity_record(where: str, viscosity: Moduli) -> object:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from hemivar.laws.registry import LawEntry
 
-__all__ = ["check_named", "decode", "encode", "read_arguments", "read_value", "rows_of", "written"]
+__all__ = ["check_named", "decode", "encode", "encode_arguments", "read_arguments", "read_value", "rows_of", "written"]
 
 
 def decode(
@@ -100,7 +100,7 @@ def read_arguments(
     for one in entry.parameters:
         if one.key not in table:
             if one.required:
-                given = ", ".join((f'law = "{entry.name}"', *(f"{name} = ..." for name in entry.required)))
+                given = ", ".join((f'{entry.key} = "{entry.name}"', *(f"{name} = ..." for name in entry.required)))
                 example = f"{key} = {{ {given} }}" if key else given
                 raise table.error(one.key, f"is missing ({one.said.says}); write {example}")
         elif one.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
@@ -110,6 +110,16 @@ def read_arguments(
             read = own.get(one.said.form)
             found[one.name] = read(table, one) if read else read_value(table, one.key, one.said, dim)
     return found
+
+
+def encode_arguments(entry: LawEntry, value: object, where: str) -> dict[str, object]:
+    """The parameters of what an entry makes, from which :func:`read_arguments` reads the same."""
+    record = {}
+    for one in entry.parameters:
+        given = getattr(value, one.name, None)
+        if given is not None and (one.default is None or callable(given) or not _equal(given, one.default)):
+            record[one.key] = written(given, one.said.form, f"{where}.{one.name}")
+    return record
 
 
 def rows_of(*classes: type[DataclassInstance], defaults: bool = True, part: str = "") -> list[str]:
@@ -250,6 +260,8 @@ def written(value: object, form: Form, where: str) -> object:
         case Form.TEXT | Form.FILE:
             return str(value)
         case Form.NUMBER:
+            if callable(value) or np.ndim(value):  # type: ignore[arg-type]
+                raise not_expressible(where, value, "a number")
             return float(value)  # type: ignore[arg-type]
         case Form.LIST:
             return np.asarray(value, dtype=float).ravel().tolist()

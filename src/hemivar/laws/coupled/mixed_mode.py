@@ -10,14 +10,17 @@ import numpy as np
 
 from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
+from hemivar.laws.coupled.cohesion import BilinearCohesion, ExponentialCohesion, TrapezoidalCohesion
 from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.crossings import length_places, level_places
 from hemivar.laws.glue import Glue
-from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import evaluate, positive, read_formulas
+from hemivar.laws.named import LawKind, named
+from hemivar.laws.normal import Compliance, Signorini
+from hemivar.laws.parameters import COMPRESSION, evaluate, positive, read_formulas, word
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import is_continuous, local_minimiser, steepest
@@ -554,3 +557,41 @@ def row_entries(table: Array, index: IntArray) -> Array:
     if len(table) == 1:
         return np.asarray(table[0].take(index))
     return np.take_along_axis(table, index[:, None], axis=1)[:, 0]
+
+
+@named(
+    LawKind.NORMAL,
+    "mixed-mode",
+    "glue with one effective opening of opening and slip and one fracture energy; includes friction",
+    "j(r) = Phi(rho), rho = sqrt(<w>^2 + ratio^2 |s|^2), with the opening w = -r and the slip s",
+)
+@stating(
+    TrapezoidalCohesion,
+    MixedMode,
+    shape=word("how the traction falls", "bilinear", "exponential", "trapezoidal"),
+    compression=COMPRESSION,
+)
+def _by_values(
+    strength: Parameter,
+    energy: Parameter,
+    stiffness: Parameter,
+    ratio: Parameter = 1.0,
+    shape: str = "bilinear",
+    plateau: Parameter | None = None,
+    compression: Parameter | None = None,
+) -> MixedMode:
+    stated = (strength, energy, stiffness)
+    if (plateau is not None) != (shape == "trapezoidal"):
+        raise ProblemError("law 'mixed-mode': the shape 'trapezoidal' needs a plateau, and no other one has any")
+    cohesion: Superpotential
+    match shape:
+        case "trapezoidal":
+            assert plateau is not None
+            cohesion = TrapezoidalCohesion(*stated, plateau)
+        case "exponential":
+            cohesion = ExponentialCohesion(*stated)
+        case "bilinear":
+            cohesion = BilinearCohesion(*stated)
+        case _:
+            raise ProblemError(f"law 'mixed-mode' has no shape '{shape}'; take bilinear, exponential or trapezoidal")
+    return MixedMode(cohesion, ratio, Signorini() if compression is None else Compliance(compression))

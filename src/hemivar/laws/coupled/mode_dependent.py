@@ -10,15 +10,17 @@ import numpy as np
 
 from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.cohesion import BilinearCohesion
-from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
+from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion, PowerCriterion
 from hemivar.laws.coupled.mixed_mode import MixedMode, stated_compression
 from hemivar.laws.coupled.opening import rising_roots
 from hemivar.laws.glue import Glue
-from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive, read_formulas
+from hemivar.laws.named import LawKind, named
+from hemivar.laws.normal import Compliance, Signorini
+from hemivar.laws.parameters import COMPRESSION, LINE, PRESSURE, RATE, evaluate, positive, read_formulas, word
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, OnGraph, lengths, polar, spread
 
@@ -540,3 +542,36 @@ class KeptModeGlue(ModeDependentGlue):
         live, kept = super().weak_convexity, self._frozen(np.maximum(self.kept, 0.0)).weak_convexity
         normal, tangential = (np.where(self._keeps, own, free) for own, free in zip(kept, live, strict=True))
         return normal, tangential
+
+
+@named(
+    LawKind.NORMAL,
+    "mode-dependent",
+    "bilinear glue with separate fracture energies in opening and shear, by the mode of the solution "
+    "(no potential: solved by fixed point); includes friction",
+    "J(w, v) = Phi_B(w)(rho(v)), with the mode B of the state w",
+)
+@stating(
+    ModeDependentGlue,
+    energy=positive("fracture energy in opening, G_Ic", LINE, 0.969),
+    shear_energy=positive("fracture energy in shear, G_IIc", LINE, 1.719),
+    exponent=positive("eta or p of the criterion", "1", 2.284),
+    criterion=word("how modes mix", BenzeggaghKenane.name, PowerCriterion.name),
+    compression=COMPRESSION,
+)
+def _by_values(
+    strength: Parameter,
+    shear_strength: Parameter,
+    energy: Parameter,
+    shear_energy: Parameter,
+    stiffness: Parameter,
+    exponent: Parameter,
+    criterion: str = "benzeggagh-kenane",
+    shear_stiffness: Parameter | None = None,
+    compression: Parameter | None = None,
+) -> ModeDependentGlue:
+    of = PowerCriterion if criterion == PowerCriterion.name else BenzeggaghKenane
+    shut = Signorini() if compression is None else Compliance(compression)
+    return ModeDependentGlue(
+        strength, shear_strength, stiffness, of(energy, shear_energy, exponent), shear_stiffness, shut
+    )

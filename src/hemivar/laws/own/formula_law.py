@@ -19,6 +19,7 @@ from hemivar.formula.formula import ScalarFormula
 from hemivar.formula.poles import NARROW, NARROWEST, Pole, pole_of_pieces
 from hemivar.formula.primitive import Primitive
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
 from hemivar.laws.parameters import LENGTH, LINE, checked_reach, numbers, parameter
 from hemivar.laws.superpotential import Superpotential
@@ -335,6 +336,12 @@ FORMULA = {
 }
 
 
+@named(
+    LawKind.NORMAL,
+    "formula",
+    "any potential or pressure, as a formula of r with piecewise((value, condition), ...), abs, min and max",
+    "j(r) = potential, or j'(r) = derivative",
+)
 @stating(
     potential=stated(
         Form.TEXT,
