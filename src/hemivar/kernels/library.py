@@ -96,13 +96,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
 
 
 class Kernels:
-    """The functions of the library.
-
-    Attributes
-    ----------
-    call : ctypes.CDLL
-        They leave the interpreter to other threads while they work.
-    """
+    """The functions of the library; they leave the interpreter to other threads while they work."""
 
     def __init__(self, call: ctypes.CDLL) -> None:
         self.call = call
