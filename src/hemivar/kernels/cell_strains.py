@@ -1,4 +1,4 @@
-"""Stresses and nodal forces of linear elements by the compiled kernels; every array is checked."""
+"""Stresses and nodal forces (gather, B-matrix, scatter) of linear elements by the compiled kernels."""
 
 from __future__ import annotations
 
@@ -14,31 +14,10 @@ __all__ = ["cell_strains"]
 def cell_strains(
     displacement: Array, cells: IntArray, gradients: Array, size: Array, stiffness: Array
 ) -> tuple[Array, Array] | None:
-    """Those of each cell; None where no kernels are compiled.
+    """Stresses (M, d, d) and nodal forces (M, d + 1, d) of the cells; None where no kernels are compiled.
 
-    Parameters
-    ----------
-    displacement : array, shape (N, d)
-        At the nodes.
-    cells : int array, shape (M, d + 1)
-        Triangles or tetrahedra.
-    gradients : array, shape (M, d + 1, d)
-        Of the barycentric coordinates.
-    size : array, shape (M,)
-        Volumes times d!.
-    stiffness : array, shape (M or 1, v, v)
-        Elasticity matrices.
-
-    Returns
-    -------
-    stresses : array, shape (M, d, d)
-    forces : array, shape (M, d + 1, d)
-        ``int_T C eps grad phi_a``.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    ``displacement`` (N, d), ``gradients`` (M, d + 1, d) of the barycentric coordinates, ``size`` (M,) is d! times the
+    volume, ``stiffness`` (M or 1, v, v); forces are ``int_T C eps grad phi_a``.
     """
     library = kernels()
     if library is None:

@@ -1,4 +1,4 @@
-// Stresses of cells: what they add to the misfit and to its slopes, in one pass that keeps no stress.
+// Stresses of cells: what they add to the misfit (constitutive error) and to its gradient, in one pass.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-"""The compiled library beside this module: found, checked, and told how many threads it may take."""
+"""Loads the compiled library beside this module: its version is checked, and the threads that it may take."""
 
 from __future__ import annotations
 
@@ -96,13 +96,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
 
 
 class Kernels:
-    """The functions of the library.
-
-    Attributes
-    ----------
-    call : ctypes.CDLL
-        They leave the interpreter to other threads while they work.
-    """
+    """The functions of the library; they leave the interpreter to other threads while they work."""
 
     def __init__(self, call: ctypes.CDLL) -> None:
         self.call = call

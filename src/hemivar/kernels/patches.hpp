@@ -1,4 +1,4 @@
-// Patches of facets with the cells on their sides, on which the tractions of an admissible stress are improved.
+// Patches of facets with the cells on their sides, on which an equilibrated (admissible) stress is improved.
 //
 // A patch is a list of cells, each seen at one of its vertices, edges or facets, that share no cell with other patches
 // of their colour. So every number is written by one patch, and no bit depends on the number of threads.
