@@ -31,7 +31,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.evolution import Evolution, History, March, Save, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.march import marching
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.gallery.known_evolutions import KnownEvolution
@@ -74,7 +74,7 @@ def known_series(case: str, what: str, known: KnownEvolution, counts: Sequence[i
     def measure(step: float) -> float:
         history = march(known.evolution, known.until, step=step, stops=known.stops, scheme=scheme)
         if known.quantity == "bond":
-            (state,) = history.moment.memory.values()
+            (state,) = history.state.memory.values()
             return float(next(values for name, values in state.items() if "bond" in name)[0])
         return float(history[known.quantity][-1])
 
@@ -116,7 +116,7 @@ def d7(steps: Sequence[float] = (8e-3, 4e-3, 2e-3)) -> list[Row]:
         return runs[step]
 
     def up(step: float) -> float:
-        return float(np.abs(run(step).moment.body.velocity).max()) / 0.5
+        return float(np.abs(run(step).state.body.velocity).max()) / 0.5
 
     def touching(step: float) -> float:  # where the last forces, those of the middles of steps, point to zero
         force = run(step)["normal_force"]
@@ -265,7 +265,7 @@ def d5(cells: Sequence[int] = (16, 32, 64)) -> list[Row]:
         steps, name = [1.0 / n for n in cells], f"{scheme.name}, {mass} mass"
         rows.append(series("D5", f"mean pressure on the wall, {name}", 0.5, pressure, steps, "h = 4 tau"))
         rows.append(series("D5", f"place at t = 3, {name}", -0.5, place, steps, "h = 4 tau"))
-        ledger = runs[steps[-1]].moment.ledger
+        ledger = runs[steps[-1]].state.ledger
         rows.append(row("D5", f"energy at t = 3, {name}", ledger.start, ledger.stored, f"h = {steps[-1]:g}"))
     return rows
 
@@ -286,7 +286,7 @@ def d6(cells: Sequence[int] = (16, 32, 64)) -> list[Row]:
             scheme=hv.evolution.GeneralizedAlpha(0.8),
             events=[hv.evolution.Release("stop")],
         )
-        return history.moment.time
+        return history.state.time
 
     steps = [1.0 / n for n in cells]
     return [
@@ -393,11 +393,11 @@ def d17(steps: Sequence[float] = (1 / 16, 1 / 32, 1 / 64), n: int = 8) -> list[R
         best = runs[steps[-1] / 4.0]
 
         def off(step: float, runs: dict[float, History] = runs, best: History = best) -> float:
-            gone = runs[step].moment.body.displacement - best.moment.body.displacement
-            return math.sqrt(2.0 * best.discrete.stiffness.energy(gone) / (2.0 * best.moment.ledger.elastic))
+            gone = runs[step].state.body.displacement - best.state.body.displacement
+            return math.sqrt(2.0 * best.discrete.stiffness.energy(gone) / (2.0 * best.state.ledger.elastic))
 
         rows.append(series("D17", f"arch, {name}: against a fourth of the finest step", 0.0, off, steps))
-        gap = max(abs(run.ledger["gap"]) / run.moment.ledger.elastic for run in runs.values())
+        gap = max(abs(run.ledger["gap"]) / run.state.ledger.elastic for run in runs.values())
         rows.append(row("D17", f"arch, {name}: balance error, relative to the elastic energy", 0.0, gap))
         least = best.margin
         rows.append(
@@ -438,7 +438,7 @@ def d18(stops: Sequence[int] = (1, 7, 15)) -> list[Row]:
             begun.close()
             again = march(bumpy(), 0.5, checkpoint=kept, resume=True, **options)
         same = [np.array_equal(again[name], whole[name], equal_nan=True) for name in whole.columns]
-        same.append(np.array_equal(again.moment.body.displacement, whole.moment.body.displacement))
+        same.append(np.array_equal(again.state.body.displacement, whole.state.body.displacement))
         worst += float(not all(same))
     return [
         row("D18", f"restarts after {', '.join(map(str, stops))} steps that are not bit for bit the same", 0.0, worst)
@@ -448,11 +448,11 @@ def d18(stops: Sequence[int] = (1, 7, 15)) -> list[Row]:
 def d19() -> list[Row]:
     """Steps that are taken and forgotten."""
     advance = TimeStepper.of(discretize_evolution(bumpy()), hv.evolution.GeneralizedAlpha(0.8), None, Controls())
-    moment = initial_moment(advance)
-    first = advance.take(moment, 0.1).moment
+    state = initial_state(advance)
+    first = advance.take(state, 0.1).state
     for step in (0.4, 0.05, 0.013):
-        advance.take(moment, step)
-    again = advance.take(moment, 0.1).moment
+        advance.take(state, step)
+    again = advance.take(state, 0.1).state
     off = max(
         float(np.abs(again.body.displacement - first.body.displacement).max()),
         float(np.abs(again.multiplier - first.multiplier).max()),

@@ -109,9 +109,9 @@ def solved(problem: hv.DiscreteProblem) -> dict[str, Any]:
 
 def end_of(history: hv.evolution.History) -> dict[str, Any]:
     """Where a march ends, and what happened on its way: what does not depend on single adaptive steps."""
-    moment = history.moment
+    state = history.state
     return {
-        "place": moment.body.displacement, "velocity": moment.body.velocity, "multiplier": moment.multiplier,
+        "place": state.body.displacement, "velocity": state.body.velocity, "multiplier": state.multiplier,
         "ended": history.ended, "events": [type(event).__name__ for event in history.events],
     }  # fmt: skip
 

@@ -26,7 +26,7 @@ for name, history in runs.items():
     pressure, t = history["normal_force"] * CELLS, history.times
     inside = (t > 1.1) & (t < 1.9)
     means[name] = float(pressure[inside].mean())
-    kept = history.moment.ledger.stored / history.moment.ledger.start
+    kept = history.state.ledger.stored / history.state.ledger.start
     print(f"{name:<28} mean pressure at the wall {means[name]:.4f} (exact 0.5), energy kept {kept:.4f}")
 
 # %%

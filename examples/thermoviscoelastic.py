@@ -35,8 +35,8 @@ rigid = discrete.restrict(np.tile([1.0, 0.0], (len(frame.velocity), 1)), np.zero
 momentum = float(rigid @ discrete.mass.times(speed))
 step, friction = history["step"], history["friction_force"]
 pushed = float(np.sum(step * (48.0 / 6.0 - 44.0 / 6.0))) - abs(float(np.sum(step * friction)))
-assert history.moment.heat is not None
-heat = history.moment.heat.book
+assert history.state.heat is not None
+heat = history.state.heat.book
 print(f"momentum {momentum:.6f}, pushed {pushed:.6f}; heat {heat.content:.6f}, gap of its book {heat.gap:.1e}")
 
 # %%

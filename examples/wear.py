@@ -36,6 +36,6 @@ plt.show()
 # %%
 # Wear is a memory of the contact points: the law of each step is that of the worn foundation.
 
-(state,) = history.moment.memory.values()
+(state,) = history.state.memory.values()
 for name, values in state.items():
     print(f"{name}: {np.min(values):.6f} to {np.max(values):.6f} at the end")

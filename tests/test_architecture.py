@@ -135,10 +135,10 @@ def called(file: Source) -> Iterator[tuple[str, str, int]]:
 
 
 def methods_that_hand_their_value_on_are_those_of_the_table(files: Files) -> Iterator[str]:
-    """Ask for the method's own entry of ``hemivar._HANDED_ON``, which leads to a room above."""
+    """Ask for the method's own entry of ``hemivar._DEFINED_ABOVE``, which leads to a room above."""
     for file in files:
         for method, entry, line in called(file):
-            target = hemivar._HANDED_ON.get(entry)
+            target = hemivar._DEFINED_ABOVE.get(entry)
             if method != entry:
                 yield file.at(line, f"{method} asks for {entry}")
             elif target is None:
@@ -435,8 +435,8 @@ def test_tables_of_the_rules_name_what_is_there(library: Files) -> None:
     assert [one for one in working if classes.get(one, {"frozen": True}).get("frozen")] == [], (
         "strike them from WORKING"
     )
-    assert {entry for file in library for _, entry, _ in called(file)} == hemivar._HANDED_ON.keys()
-    for target in hemivar._HANDED_ON.values():
+    assert {entry for file in library for _, entry, _ in called(file)} == hemivar._DEFINED_ABOVE.keys()
+    for target in hemivar._DEFINED_ABOVE.values():
         module, _, function = target.rpartition(".")
         assert callable(getattr(importlib.import_module(f"hemivar.{module}"), function)), target
 

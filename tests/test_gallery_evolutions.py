@@ -20,14 +20,14 @@ def sound(history: History, single: bool = True) -> None:
     """What every run must show."""
     assert history.finished
     assert history.margin > 0.0 or not single
-    assert abs(history.ledger["gap"]) < 1e-8 * history.moment.ledger.elastic
+    assert abs(history.ledger["gap"]) < 1e-8 * history.state.ledger.elastic
     assert history.residual < 1e-8
 
 
 def distance(one: History, other: History) -> float:
     """In the energy norm."""
     stiffness = one.discrete.stiffness
-    return math.sqrt(2.0 * stiffness.energy(one.moment.body.displacement - other.moment.body.displacement))
+    return math.sqrt(2.0 * stiffness.energy(one.state.body.displacement - other.state.body.displacement))
 
 
 @pytest.mark.parametrize("data", list(SCREWED_ARCH_DATA))
@@ -36,10 +36,10 @@ def test_the_screwed_arch(data: str) -> None:
     sound(history, data != "friction")  # a bound of 300 u_nu couples too strongly for so long a step
     assert 0.0 < history["penetration"][-1] < 0.1
     assert history.time_error.norm == ""  # no theorem: the bound of friction depends on the solution
-    pressed = SCREWED_ARCH_DATA[data].stiffness * np.maximum(history.moment.local.displacement[:, 0], 0.0)
-    assert history.moment.multiplier[:, 0] == pytest.approx(pressed, abs=1e-7 * pressed.max())
-    bound = SCREWED_ARCH_DATA[data].friction * np.maximum(history.moment.local.displacement[:, 0], 0.0)
-    assert (np.abs(history.moment.multiplier[:, 1]) <= bound * (1.0 + 1e-6) + 1e-9).all()
+    pressed = SCREWED_ARCH_DATA[data].stiffness * np.maximum(history.state.local.displacement[:, 0], 0.0)
+    assert history.state.multiplier[:, 0] == pytest.approx(pressed, abs=1e-7 * pressed.max())
+    bound = SCREWED_ARCH_DATA[data].friction * np.maximum(history.state.local.displacement[:, 0], 0.0)
+    assert (np.abs(history.state.multiplier[:, 1]) <= bound * (1.0 + 1e-6) + 1e-9).all()
 
 
 def test_a_hard_foundation_lets_the_arch_sink_less() -> None:
@@ -97,7 +97,7 @@ def test_the_beam_comes_to_rest_where_statics_says() -> None:
     evolution = viscoelastic_beam(False)
     history = march(evolution, 40.0, step=0.5)
     static = hv.solve(hv.discretize(evolution.problem)).raise_for_status()
-    at_rest = history.moment.body.displacement - static.unknowns
+    at_rest = history.state.body.displacement - static.unknowns
     scale = history.discrete.stiffness.energy(static.unknowns)
     assert history.discrete.stiffness.energy(at_rest) < 1e-12 * scale
 
@@ -109,7 +109,7 @@ def test_the_beam_on_finer_meshes(inertia: bool) -> None:
     for n in (2, 4, 8):
         history = march(viscoelastic_beam(inertia, n, friction=hv.laws.Logarithmic(0.02, of="rate")), 0.8, step=0.1)
         sound(history)
-        norms.append(math.sqrt(2.0 * history.moment.ledger.elastic))
+        norms.append(math.sqrt(2.0 * history.state.ledger.elastic))
     gone = np.diff(norms)
     assert (gone > 0.0).all()  # softer on finer meshes
     assert np.log2(gone[0] / gone[1]) > 1.5
@@ -129,5 +129,5 @@ def test_a_state_of_the_arch_can_start_another_march() -> None:
     problem = screwed_arch("four screws", 4).problem
     rest = Evolution(problem, displacement=half.frames[-1].displacement, start=0.0625)
     again = march(rest, 0.125, step=1 / 32)
-    assert distance(again, whole) < 1e-6 * math.sqrt(2.0 * whole.moment.ledger.elastic)
+    assert distance(again, whole) < 1e-6 * math.sqrt(2.0 * whole.state.ledger.elastic)
     assert dataclasses.asdict(SCREWED_ARCH_DATA["hard"]) == {"stiffness": 3000.0, "friction": 3.0, "screws": 1}

@@ -44,8 +44,8 @@ def test_balances_that_no_step_asks_for() -> None:
         row.step * float(weights @ (0.1 * (0.27 - one.temperature[bottom])))  # type: ignore[index]
         for row, one in zip(history.rows[1:], history.frames[1:], strict=True)
     )
-    assert history.moment.heat is not None
-    book = history.moment.heat.book
+    assert history.state.heat is not None
+    book = history.state.heat.book
     assert book.contact == pytest.approx(gave, rel=1e-9)
     # heat of deformation: -1/2 int div u, by the divergence on each cell
     grown = np.einsum("mii,m->", hv.fem.strain(mesh, frame.displacement), mesh.volumes)

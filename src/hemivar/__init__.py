@@ -14,14 +14,14 @@ import pkgutil
 
 import lazy_loader
 
-from hemivar.basics.defined_above import MISSING, hand_on
+from hemivar.basics.defined_above import MISSING, define_above
 from hemivar.basics.first_use import IMPORTS
 
 __version__ = "0.1.0"
 
 #: All that the method leaves to packages which use it; loaded when it is called, a sentence where the package is not
 #: installed.
-_HANDED_ON = {
+_DEFINED_ABOVE = {
     "ReprMixin._repr_html_": "report.notebook.html_of",
     "ReprMixin.plot": "report.notebook.picture_of",
     "ReprMixin.show": "report.notebook.show",
@@ -49,7 +49,7 @@ _HANDED_ON = {
     "methods.further_methods": "survey.further_methods.further_methods",
     "engine.engine_named": "ranks.petsc_engine.PetscEngine",
 }
-hand_on(_HANDED_ON)
+define_above(_DEFINED_ABOVE)
 
 _attached, _, _names = lazy_loader.attach_stub(__name__, __file__)
 #: Rooms that are there as attributes, such as ``hemivar.laws``.

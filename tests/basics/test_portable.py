@@ -180,8 +180,8 @@ def test_histories_with_what_contact_points_remember(trip: str) -> None:
     history = hv.march(hv.Evolution(problem), 0.2, step=0.1)
     again = TRIPS[trip](history)
     assert np.array_equal(again["normal_force"], history["normal_force"])
-    (name,) = history.moment.memory
-    made, was = again.moment.memory[name], history.moment.memory[name]
+    (name,) = history.state.memory
+    made, was = again.state.memory[name], history.state.memory[name]
     assert isinstance(made, MappingProxyType)
     assert not made["0.opening"].flags.writeable
     for one, other in ((made, was), (again.frames[-1].memory, history.frames[-1].memory)):

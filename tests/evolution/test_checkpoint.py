@@ -51,17 +51,17 @@ class Numbers:
         return kind(**{one.name: self.one() for one in fields(kind)})
 
 
-def state(heat: bool, last: LastStep | None = None) -> MarchState:
+def march_state(heat: bool, last: LastStep | None = None) -> MarchState:
     """A march in its third step, of a body with two branches and memories on two boundaries."""
     some = Numbers()
 
-    def moment(**more: Any) -> TimeState:
+    def state(**more: Any) -> TimeState:
         return TimeState(
             some.one(), 3, some.motion(7), some.motion(4, 2), some(4, 2), ledger=some.all_of(EnergyBalance), **more
         )  # fmt: skip
 
     memory = {"bottom": {"0.opening": some(3), "1.depth": some(3)}, "right": {"slip": some(1), "opening": some(1)}}
-    warm = ThermalState(replace(moment(), index=4), some.all_of(HeatBalance), 5, some.one()) if heat else None
+    warm = ThermalState(replace(state(), index=4), some.all_of(HeatBalance), 5, some.one()) if heat else None
     values = [{"normal_force": some.one(), "tip.u_x": some.one(), "time_error": math.nan} for _ in range(3)]
     frames = [
         Frame(
@@ -71,7 +71,7 @@ def state(heat: bool, last: LastStep | None = None) -> MarchState:
         for _ in range(2)
     ]  # fmt: skip
     return MarchState(
-        moment(
+        state(
             branches=(some(7), some(7)),
             memory=memory,
             heat=warm,
@@ -124,7 +124,7 @@ def test_what_was_packed_is_unpacked(heat: bool, last: str) -> None:
         "force": LastStep(some.one(), some(7), some(4, 2)),
         "rates": LastStep(some.one(), None, some(4, 2), Rates(some(7), some(7)), Rates(some(4, 2), some(4, 2))),
     }[last]
-    kept, stream, written = Checkpoint(Path("run.ckpt")), io.BytesIO(), state(heat, history)
+    kept, stream, written = Checkpoint(Path("run.ckpt")), io.BytesIO(), march_state(heat, history)
     kept.pack(stream, written, "mine")
     same(written, kept.unpack(stream.getvalue(), "mine"))
     with pytest.raises(FileError, match="another evolution"):
@@ -137,9 +137,9 @@ def test_what_was_packed_is_unpacked(heat: bool, last: str) -> None:
 def test_a_file_that_is_not_there_and_one_that_is(tmp_path: Path) -> None:
     kept = Checkpoint(tmp_path / "run.ckpt", 0.0)
     assert kept.read("mine") is None
-    kept.write(state(False), "mine")
+    kept.write(march_state(False), "mine")
     found = kept.read("mine")
-    same(state(False), found)
+    same(march_state(False), found)
     with pytest.raises(ProblemError, match="time >= 0"):
         Checkpoint(tmp_path / "run.ckpt", -1.0)
     with pytest.raises(ProblemError, match="time >= 0"):

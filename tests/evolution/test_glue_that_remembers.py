@@ -233,13 +233,13 @@ def test_a_march_is_taken_up_bit_by_bit(name: str, tmp_path: Path) -> None:
     assert isinstance(law, VectorLaw)
     kept = Checkpoint(tmp_path / "march.ckpt", 0.0)
     straight = _lifted(law, 1.25, step=0.125)
-    assert straight.moment.ledger.memory > 0.0
+    assert straight.state.ledger.memory > 0.0
     _lifted(law, 0.625, step=0.125, checkpoint=kept)
     resumed = _lifted(law, 1.25, step=0.125, checkpoint=kept, resume=True)
     np.testing.assert_array_equal(resumed.frames[-1].displacement, straight.frames[-1].displacement)
-    for key, values in straight.moment.memory["bottom"].items():
-        np.testing.assert_array_equal(resumed.moment.memory["bottom"][key], values)
-    assert resumed.moment.ledger == straight.moment.ledger
+    for key, values in straight.state.memory["bottom"].items():
+        np.testing.assert_array_equal(resumed.state.memory["bottom"][key], values)
+    assert resumed.state.ledger == straight.state.ledger
 
 
 @pytest.mark.parametrize("scheme", ["implicit-euler", "newmark", "generalized-alpha", "midpoint"])
@@ -249,7 +249,7 @@ def test_bodies_with_mass_on_glue_that_remembers_keep_the_balance(scheme: str) -
         controls=TIGHT, step=0.05,
     )  # fmt: skip
     assert history.finished
-    ledger = history.moment.ledger
+    ledger = history.state.ledger
     assert ledger.memory > 0.0
     assert abs(ledger.gap) < 1e-10 * abs(ledger.moved)
 
@@ -282,7 +282,7 @@ def test_elastic_glue_says_that_it_heals(name: str) -> None:
     history = pulled(law, [0.0, 0.4, 0.0], memory=())
     assert any(message.startswith("the glue heals on contact 'bottom' from t = 1 on") for message in history.messages)
     np.testing.assert_allclose(history.frames[-1].local, 0.0, atol=1e-9)
-    assert history.moment.ledger.memory == 0.0
+    assert history.state.ledger.memory == 0.0
     loaded = pulled(law, [0.0, 0.4], memory=())
     remembering = pulled(law, [0.0, 0.4, 0.0])
     assert not any("heals" in message for message in (*loaded.messages, *remembering.messages))
@@ -305,6 +305,6 @@ def test_damage_is_the_end_that_statics_has_where_nothing_closes() -> None:
     history = hv.march(hv.Evolution(block(None)), 1.0, step=0.1, controls=TIGHT)
     rho = np.array([law.at(None).effective(frame.local) for frame in history.frames])
     assert (np.diff(rho, axis=0) >= 0.0).all()
-    assert history.moment.ledger.memory > 0.0
+    assert history.state.ledger.memory > 0.0
     static = hv.solve(block(1.0), controls=TIGHT).raise_for_status()
     np.testing.assert_allclose(history.frames[-1].local, static.local, atol=1e-9)

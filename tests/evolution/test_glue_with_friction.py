@@ -112,7 +112,7 @@ def test_in_space_friction_points_against_the_slip_and_glue_back_to_the_start() 
 
     history = hv.march(hv.Evolution(block(GLUE, (Secant(friction=MU),), way, dim=3)), 1.5, step=0.05)
     assert history.ended == "finished"
-    force = history.discrete.problem.contact.global_vectors(history.moment.multiplier)
+    force = history.discrete.problem.contact.global_vectors(history.state.multiplier)
     far = np.hypot(0.3, 0.025)
     secant = (2.4 - 6.0 * (far - 0.1)) / far
     damage = 1.0 - (2.4 - 6.0 * (np.hypot(0.3, 0.0225) - 0.1)) / np.hypot(0.3, 0.0225) / 24.0
@@ -129,7 +129,7 @@ def test_glue_that_only_opens_rubs_by_its_damage() -> None:
     glue = Adhesive(24.0, 2.4, energy=0.6, compression=SPRING)
     history = hv.march(hv.Evolution(block(glue, (Secant(friction=MU),), way)), 3.0, step=0.05)
     assert history.ended == "finished"
-    lam = history.moment.multiplier
+    lam = history.state.multiplier
     assert lam[:, 1] == pytest.approx(5.0 / 6.0 * MU * lam[:, 0], rel=1e-5)
     assert history["friction"][-1] == pytest.approx(5.0 / 6.0 * MU * PRESSURE, rel=1e-3)
 

@@ -73,7 +73,7 @@ def test_viscous_jumps_are_the_local_ones() -> None:
 def test_the_march_stops_where_it_is_told() -> None:
     history, _ = cycle("stop", 0.002)
     assert history.ended == "margin lost"
-    assert history.moment.time < UP
+    assert history.state.time < UP
     assert "several solutions" in history.messages[-1]
 
 

@@ -16,7 +16,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Evolution, History, March, Save, Scheme, Touch, When, march
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.march import marching
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.formula import Formula, FormulaArray
@@ -63,7 +63,7 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
     assert len(whole.events) == 1
     for name in whole.columns:
         np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
-    np.testing.assert_array_equal(resumed.moment.body.displacement, whole.moment.body.displacement)
+    np.testing.assert_array_equal(resumed.state.body.displacement, whole.state.body.displacement)
     assert [frame.time for frame in resumed.frames] == [frame.time for frame in whole.frames]
     with pytest.raises(FileError, match="another evolution"):
         march(beam(load=-0.6), 0.6, checkpoint=kept, resume=True, **options)
@@ -102,11 +102,11 @@ def test_a_checkpoint_beyond_the_end_is_told(tmp_path: Path) -> None:
 def test_a_rejected_step_leaves_no_trace() -> None:
     discrete = discretize_evolution(beam())
     advance = TimeStepper.of(discrete, hv.evolution.GeneralizedAlpha(0.8), None, Controls())
-    moment = initial_moment(advance)
-    first = advance.take(moment, 0.1).moment
+    state = initial_state(advance)
+    first = advance.take(state, 0.1).state
     for step in (0.4, 0.05, 0.013):
-        advance.take(moment, step)
-    again = advance.take(moment, 0.1).moment
+        advance.take(state, step)
+    again = advance.take(state, 0.1).state
     np.testing.assert_array_equal(again.body.displacement, first.body.displacement)
     np.testing.assert_array_equal(again.multiplier, first.multiplier)
     assert again.ledger == first.ledger
@@ -116,7 +116,7 @@ def test_a_falling_block_touches_when_it_should() -> None:
     """A block falls freely by the gap 0.05: t = sqrt(0.1)."""
     contact = hv.Contact(hv.Compliance(400.0), gap=0.05)
     problem = bodies.square(contact, 2, lame=(400.0, 400.0), density=1.0, supports={}, body_force=(0.0, -1.0))
-    half = When(function=lambda discrete, moment: moment.time - 0.123, label="half way")
+    half = When(function=lambda discrete, state: state.time - 0.123, label="half way")
     stop = Touch("stop")
     history = march(
         Evolution(problem, inertia=True), 1.0, step=0.03, scheme=hv.evolution.Midpoint(), events=[half, stop]
@@ -125,7 +125,7 @@ def test_a_falling_block_touches_when_it_should() -> None:
     (first, name), (touched, _) = history.events
     assert (name, first) == ("half way", pytest.approx(0.123, abs=1e-7))
     assert touched == pytest.approx(np.sqrt(0.1), abs=1e-7)
-    assert history.moment.time == touched
+    assert history.state.time == touched
 
 
 def test_bounds_of_the_error_in_time_hold() -> None:
@@ -239,7 +239,7 @@ def test_interruption_and_time_leave_what_there_is() -> None:
         begun.send(True)
     history = end.value.value
     assert history.ended == "interrupted"
-    assert history.moment.time == pytest.approx(0.1)
+    assert history.state.time == pytest.approx(0.1)
     assert march(beam(), 1.0, step=0.1, max_time=0.0).ended == "max_time"
 
 
@@ -343,7 +343,7 @@ try:
     steps.close()
 except StopIteration as end:
     history = end.value
-    print(taken, float(history.time_error.bound).hex(), history.moment.body.displacement.tobytes().hex())
+    print(taken, float(history.time_error.bound).hex(), history.state.body.displacement.tobytes().hex())
 except FileError as error:
     print(error)
 """
@@ -407,7 +407,7 @@ def test_a_checkpoint_knows_all_numbers_of_an_array_and_all_kinks(tmp_path: Path
 def test_parameters_that_vanish_are_named_with_their_boundary_and_time(contact: dict[str, Any], words: str) -> None:
     history = march(beam(inertia=False, **contact), 0.5, step=0.1)
     assert history.ended == "refused"
-    assert history.moment.time == pytest.approx(0.3)
+    assert history.state.time == pytest.approx(0.3)
     assert history.messages[-1].startswith(words)
 
 
@@ -460,6 +460,6 @@ def test_a_march_goes_on_to_a_later_end_beyond_kinks_and_stops(tmp_path: Path) -
     assert resumed.finished
     assert {1.2, 1.3} <= set(resumed.times)
     assert np.array_equal(resumed.times, once.times)
-    assert np.array_equal(resumed.moment.body.displacement, once.moment.body.displacement)
+    assert np.array_equal(resumed.state.body.displacement, once.state.body.displacement)
     with pytest.raises(FileError, match="another choice of steps, events or loads"):
         march(Evolution(problem), 2.0, checkpoint=kept, resume=True, step=0.25, stops=(0.7, 1.3))

@@ -76,7 +76,7 @@ def test_a_bond_fades_at_a_fixed_opening() -> None:
     errors = []
     for count in (20, 40):
         history = march(known.evolution, 1.0, step=1.0 / count, stops=known.stops)
-        (state,) = history.moment.memory.values()
+        (state,) = history.state.memory.values()
         bond = next(values for name, values in state.items() if "bond" in name)
         errors.append(float(np.abs(bond - known.exact(1.0)).max()))
     assert errors[1] < 1e-2  # of order one in the step
@@ -90,7 +90,7 @@ def test_a_damper_that_cannot_pull() -> None:
     assert (duration, restitution) == pytest.approx((0.279535444073, 0.571740027585), abs=1e-12)
     known = gallery.bouncing_block()
     history = march(known.evolution, known.until, step=5e-4, scheme=hv.evolution.Midpoint())
-    up = float(np.abs(history.moment.body.velocity).max())
+    up = float(np.abs(history.state.body.velocity).max())
     assert up == pytest.approx(known.exact(known.until), rel=2e-3)
     touching = history["normal_force"] > 0.0
     assert touching.sum() * 5e-4 == pytest.approx(duration, abs=2e-3)

@@ -57,15 +57,15 @@ def test_slip_starts_where_friction_is_overcome() -> None:
     history = march(Evolution(problem, inertia=True), 0.5, step=0.04, events=[Slip("stop", rate=1e-3)])
     # From then on the velocity is (t - 0.3)^2/2, which passes the rate after sqrt(2e-3); a step counts its end.
     assert history.ended == "event: slip"
-    assert 0.3 < history.moment.time < 0.3 + math.sqrt(2e-3) + 0.02
-    assert np.abs(history.moment.local.velocity[:, 1]).max() == pytest.approx(1e-3, rel=1e-3)
+    assert 0.3 < history.state.time < 0.3 + math.sqrt(2e-3) + 0.02
+    assert np.abs(history.state.local.velocity[:, 1]).max() == pytest.approx(1e-3, rel=1e-3)
     assert march(Evolution(problem, inertia=True), 0.28, step=0.04, events=[Slip(rate=1e-3)]).events == ()
     # One point that slips is enough, in either direction; how fast it sinks does not count.
-    local = history.moment.local
+    local = history.state.local
     for rates, above in (([0.0, -2.0, 0.5], 1.5), ([0.0, 0.1, 0.2], -0.3), ([0.0, 0.0, 0.0], -0.5)):
         moved = replace(local, velocity=np.column_stack([np.full(3, 9.0), rates]))
-        moment = replace(history.moment, local=moved)
-        assert Slip(rate=0.5).level(history.discrete, moment, 1.0) == pytest.approx(above)
+        state = replace(history.state, local=moved)
+        assert Slip(rate=0.5).level(history.discrete, state, 1.0) == pytest.approx(above)
 
 
 def test_a_point_that_sticks_does_not_slip_by_rounding_or_by_sinking() -> None:
@@ -73,7 +73,7 @@ def test_a_point_that_sticks_does_not_slip_by_rounding_or_by_sinking() -> None:
         block(hv.Contact(hv.Compliance(2.0), hv.Tresca(1.0)), falling), 0.4, step=0.1, events=[Slip("stop")]
     )
     assert history.finished
-    assert np.abs(history.moment.local.velocity[:, 0]).min() > 0.1
+    assert np.abs(history.state.local.velocity[:, 0]).min() > 0.1
 
 
 def test_a_bond_is_broken_where_it_falls_below() -> None:
@@ -84,10 +84,10 @@ def test_a_bond_is_broken_where_it_falls_below() -> None:
     events = [BondBroken("stop", below=0.5), BondBroken("stop", "top", below=0.9), BondBroken("stop", below=0.4)]
     history = march(known.evolution, 1.0, step=0.1, stops=known.stops, events=events)
     assert history.ended == "event: bond broken"
-    (state,) = history.moment.memory.values()
+    (state,) = history.state.memory.values()
     (bond,) = (values for name, values in state.items() if name.endswith("bond"))
     assert bond.min() == pytest.approx(0.5, abs=1e-5)
-    assert exact < history.moment.time < exact + 0.1
+    assert exact < history.state.time < exact + 0.1
 
 
 def test_the_margin_is_lost_where_the_law_softens_as_fast_as_the_body_is_stiff() -> None:
@@ -95,7 +95,7 @@ def test_the_margin_is_lost_where_the_law_softens_as_fast_as_the_body_is_stiff()
     law = hv.Softening(10.0, 0.1, lambda x, t: 1.0 + 4.0 * t + 0.0 * x[:, 0])
     history = march(block(hv.Contact(law), (0.0, -0.1)), 1.0, step=0.3, events=[MarginLost("stop")])
     assert history.ended == "event: margin lost"
-    assert history.moment.time == pytest.approx(0.5, abs=1e-6)
+    assert history.state.time == pytest.approx(0.5, abs=1e-6)
     assert history["margin"][1] == pytest.approx(1.0 - (1.0 + 4.0 * 0.3) / 3.0, rel=1e-6)  # claimed from below
 
 
@@ -103,15 +103,15 @@ def test_a_margin_of_minus_infinity_is_lost_and_one_that_was_not_looked_for_is_n
     """As it is of a law that falls at once."""
     evolution = block(hv.Contact(hv.Compliance(2.0)), (0.0, -0.1))
     history = march(evolution, 1.0, step=1.0)
-    levels = [MarginLost().level(history.discrete, history.moment, m) for m in (-math.inf, math.nan, math.inf)]
+    levels = [MarginLost().level(history.discrete, history.state, m) for m in (-math.inf, math.nan, math.inf)]
     assert [level > 0.0 for level in levels] == [True, False, False]
 
 
 def test_events_are_counted_once_and_every_one_that_happens() -> None:
     """Two at one time are both told; one that stays above zero is not told again, one that comes back is."""
-    waves = When(function=lambda discrete, moment: math.sin(2.0 * math.pi * moment.time), label="wave")
-    late = When(function=lambda discrete, moment: moment.time - 0.25, label="late")
-    same = When(function=lambda discrete, moment: 4.0 * (moment.time - 0.25), label="same")
+    waves = When(function=lambda discrete, state: math.sin(2.0 * math.pi * state.time), label="wave")
+    late = When(function=lambda discrete, state: state.time - 0.25, label="late")
+    same = When(function=lambda discrete, state: 4.0 * (state.time - 0.25), label="same")
     evolution = block(hv.Contact(hv.Compliance(2.0)), (0.0, -1.0))
     history = march(evolution, 2.2, step=0.2, events=[waves, late, same], save=Save(10.0))
     names = [name for _, name in history.events]
@@ -133,7 +133,7 @@ def test_a_worn_foundation_is_left_where_it_is_worn_to() -> None:
     contact = hv.Contact(hv.Compliance(50.0), hv.Tresca(1e-3), memory=(hv.laws.Wear(0.3),))
     problem = bodies.square(contact, 1, lame=(0.0, 6.0), supports={"top": hv.Prescribed(moved)})
     history = march(Evolution(problem), 1.6, step=0.25, stops=(1.0,), events=[Release("stop")])
-    worn = history.moment.memory["bottom"]["0.depth"]
+    worn = history.state.memory["bottom"]["0.depth"]
     assert history.ended == "event: release"
     assert worn.min() > 0.03
     assert history.times[-1] < 1.3  # what is worn would be undone at t = 1.5

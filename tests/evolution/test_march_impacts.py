@@ -35,7 +35,7 @@ def test_nodes_leave_with_a_part_of_their_velocity(restitution: float, theta: fl
         np.testing.assert_allclose(after.local[:, 0], r + step * mean, atol=1e-10)
         hits += int(hit.sum())
     assert hits >= 2
-    ledger = history.moment.ledger
+    ledger = history.state.ledger
     assert abs(ledger.gap) < 1e-9 * ledger.start
     if (restitution, theta) == (1.0, 0.5):
         assert ledger.stored == pytest.approx(ledger.start, rel=1e-10)
@@ -91,10 +91,10 @@ def test_what_a_step_takes_from_the_energy_is_known(restitution: float, theta: f
     evolution = hv.Evolution(problem, inertia=True, velocity=(0.3, -0.2))
     plan = March(2.4, step=step, scheme=MoreauJean(restitution, theta), controls=hv.Controls(rtol=1e-12))
     discrete, taken = discretize_evolution(evolution), []
-    moments = [event.moment for event in marching(evolution, plan)]
+    states = [event.state for event in marching(evolution, plan)]
     assert discrete.mass is not None
     weights = discrete.problem.contact.weights
-    for before, after in pairwise(moments):
+    for before, after in pairwise(states):
         impulse = step * weights * after.multiplier[:, 0]
         moved, gained = after.body.displacement - before.body.displacement, after.body.velocity - before.body.velocity
         lost = (1.0 - theta * (1.0 + restitution)) * float(impulse @ before.local.velocity[:, 0])
@@ -102,7 +102,7 @@ def test_what_a_step_takes_from_the_energy_is_known(restitution: float, theta: f
         taken.append(after.ledger.numerical - before.ledger.numerical)
         assert taken[-1] == pytest.approx(lost, abs=1e-11)
     assert (min(taken) < -1e-7) == (theta == 0.5 and restitution < 1.0)
-    assert moments[-1].ledger.numerical > (1e-3 if restitution < 1.0 else -1e-11)
+    assert states[-1].ledger.numerical > (1e-3 if restitution < 1.0 else -1e-11)
 
 
 @pytest.mark.parametrize(("ramp", "says"), [(0.0, True), (0.4, False)], ids=["jump", "ramp"])

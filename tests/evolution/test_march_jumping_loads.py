@@ -54,7 +54,7 @@ def test_a_load_that_jumps_at_a_stop_costs_no_order(scheme: Scheme, inclusive: b
     places, speeds = exact(stated)
     off = []
     for steps in (50, 100, 200):
-        found = march(stated, _UNTIL, step=_UNTIL / steps, scheme=scheme, stops=(_AT,)).moment.body
+        found = march(stated, _UNTIL, step=_UNTIL / steps, scheme=scheme, stops=(_AT,)).state.body
         errors = np.abs(found.displacement - places).max(), np.abs(found.velocity - speeds).max()
         off.append(np.array(errors) / (np.abs(places).max(), np.abs(speeds).max()))
     orders = np.log2(np.array(off[:-1]) / np.array(off[1:]))

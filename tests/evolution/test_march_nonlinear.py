@@ -32,7 +32,7 @@ from hemivar.evolution import (
 )
 from hemivar.evolution.barrier import along
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.mechanics.gradient_energy import PowerLaw
 from hemivar.solvers import NonsmoothMultigrid, NonsmoothNewton
@@ -201,7 +201,7 @@ def pressed_block(block: Block, material: hv.Material) -> Evolution:
 
 
 def nodal(history: History) -> Array:
-    return history.discrete.full(history.moment.body.displacement)
+    return history.discrete.full(history.state.body.displacement)
 
 
 def rates(block: Block, stated: Evolution, scheme: Scheme, exact: Array) -> Array:
@@ -433,7 +433,7 @@ def test_the_energy_along_a_step_bends_as_that_of_the_linear_body() -> None:
     for material in (hencky(1.0), lame()):
         body = gliding(material, hv.Adhesive(stiffness=40.0, strength=0.5, softening=30.0))
         advance = TimeStepper.of(discretize_evolution(Evolution(body)), ImplicitEuler(), None, TIGHT)
-        taken = advance.take(initial_moment(advance), 0.1)
+        taken = advance.take(initial_state(advance), 0.1)
         bends.append(along(taken.stages[0].problem, taken.solutions[0])[0])
     assert bends[1].min() > 0.0
     assert bends[0] == pytest.approx(bends[1], rel=1e-6, abs=1e-12)

@@ -51,7 +51,7 @@ def test_a_slip_that_renews_its_contacts_settles_in_few_rounds(monkeypatch: pyte
 
     monkeypatch.setattr(stepper, "stage_law", counted)
     slider, step = EarthquakeSlider(), 1e6
-    before, now = (march(slider.evolution(1e-3), end, step=step).moment for end in (9.0 * step, 10.0 * step))
+    before, now = (march(slider.evolution(1e-3), end, step=step).state for end in (9.0 * step, 10.0 * step))
     assert len(rounds) <= 7 * 19 + 4
     speed = np.abs(now.local.displacement - before.local.displacement)[:, 1] / step
     slid = speed * step / slider.length

@@ -11,7 +11,7 @@ import pytest
 import hemivar as hv
 from hemivar.evolution import Evolution, Midpoint, march
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import FunctionLaw
@@ -109,7 +109,7 @@ def test_the_largest_step_with_one_solution(alpha: float) -> None:
     """``alpha < kappa + c/tau``: tau below ``c/(alpha - kappa)``, found to a percent and not above; margins alike."""
     discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, alpha))))
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
-    margins, first = Margins(advance), initial_moment(advance)
+    margins, first = Margins(advance), initial_state(advance)
     exact = VISCOUS / (alpha - KAPPA)
     for tau in (0.01, 0.3 * exact):
         taken = advance.take(first, tau)
@@ -126,7 +126,7 @@ def test_the_largest_step_beside_damping(tau: float) -> None:
     discrete = discretize_evolution(evolution)
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     margins = Margins(advance)
-    taken = advance.take(initial_moment(advance), tau)
+    taken = advance.take(initial_state(advance), tau)
     exact = 1.3 / 24.0
     assert 0.985 * exact <= margins.largest_step(taken) <= exact * (1.0 + 1e-9)
     assert margins.margin(taken) == pytest.approx(1.0 - max(36.0 - 0.4 / tau, 0.0) / (12.0 + 0.9 / tau), abs=1e-7)
@@ -137,7 +137,7 @@ def test_the_largest_step_of_a_long_way_off_is_no_infinite_one() -> None:
     discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, 3.5))))
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     exact = VISCOUS / (3.5 - KAPPA)
-    found = Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-8 * exact))
+    found = Margins(advance).largest_step(advance.take(initial_state(advance), 1e-8 * exact))
     assert 0.985 * exact <= found <= exact * (1.0 + 1e-9)
 
 
@@ -151,7 +151,7 @@ def test_steps_of_any_length_or_none() -> None:
     ):
         discrete = discretize_evolution(block(contact, viscous))
         advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
-        taken = advance.take(initial_moment(advance), 0.01)
+        taken = advance.take(initial_state(advance), 0.01)
         assert Margins(advance).largest_step(taken) == largest
 
 
@@ -161,7 +161,7 @@ def test_the_largest_step_of_a_mass() -> None:
     for density in (1.0, 4.0):
         discrete = discretize_evolution(block(law, None, density=density, inertia=True))
         advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
-        found.append(Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-3)))
+        found.append(Margins(advance).largest_step(advance.take(initial_state(advance), 1e-3)))
     assert found[1] / found[0] == pytest.approx(2.0, rel=0.03)
     assert 0.0 < found[0] < math.sqrt(1.0 / (50.0 - KAPPA))
 

@@ -37,7 +37,7 @@ def straight(angle: float) -> Any:
 
 def forces(history: hv.History) -> Array:
     """Forces per area of the body on the foundation in the axes of the space, (m, 3)."""
-    return history.discrete.problem.contact.global_vectors(history.moment.multiplier)
+    return history.discrete.problem.contact.global_vectors(history.state.multiplier)
 
 
 def on_the_ellipse(angle: float, along: float, across: float) -> Array:
@@ -76,7 +76,7 @@ def test_with_one_bound_it_is_that_of_tresca(scheme: Any, inertia: bool) -> None
         problem = dragged(friction, round_about, young=1e3)
         history = hv.march(hv.Evolution(problem, inertia=inertia), 0.4, step=0.02, scheme=scheme, controls=TIGHT)
         assert history.ended == "finished"
-        found.append((history.moment.body.displacement, history.moment.multiplier, history["friction"]))
+        found.append((history.state.body.displacement, history.state.multiplier, history["friction"]))
     for one, other in zip(*found, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-10 * np.abs(other).max())
 
@@ -106,7 +106,7 @@ def test_friction_of_the_slip_is_the_static_law_and_stores() -> None:
     assert history.ended == "finished"
     assert history["friction"][-1] == 0.0
     at_rest = hv.solve(problem.at_time(0.4), controls=TIGHT)
-    np.testing.assert_allclose(history.moment.multiplier, at_rest.multiplier, atol=1e-9)
+    np.testing.assert_allclose(history.state.multiplier, at_rest.multiplier, atol=1e-9)
 
 
 def test_units_change_nothing() -> None:
@@ -116,7 +116,7 @@ def test_units_change_nothing() -> None:
         problem = dragged(friction, round_about, unit, young=1e3)
         history = hv.march(hv.Evolution(problem, inertia=True), 0.2, step=0.02)
         assert history.ended == "finished"
-        found.append(history.moment.multiplier / unit**2)
+        found.append(history.state.multiplier / unit**2)
     np.testing.assert_allclose(found[1], found[0], atol=1e-8 * np.abs(found[0]).max())
 
 

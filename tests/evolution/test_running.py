@@ -16,7 +16,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Save, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.evolution_problem import Mass
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.march import Backend, marching
 from hemivar.evolution.margin import step_error
 from hemivar.evolution.schemes import Scheme
@@ -50,7 +50,7 @@ class Stubborn(TimeStepper):
 
     def take(self, before: TimeState, step: float, *rest: Any, **more: Any) -> StepResult:
         taken = super().take(before, step, *rest, **more)
-        if step <= self.most or not 0.25 < taken.moment.time < 0.35:
+        if step <= self.most or not 0.25 < taken.state.time < 0.35:
             return taken
         return replace(taken, solutions=(replace(taken.solutions[0], status=self.status),))
 
@@ -92,11 +92,11 @@ def test_a_step_that_cannot_be_solved_ends_the_march_where_it_is() -> None:
     for step in (FixedStep(0.1, halvings=2), AdaptiveStep(0.5, first_step=0.1, least=0.02, most=0.1)):
         history = through(March(1.0, step=step), Never)
         assert history.ended == Status.STALLED.value
-        assert history.moment.time <= 0.25 + 1e-12
+        assert history.state.time <= 0.25 + 1e-12
         (message,) = said_of(history)
-        assert f"t = {history.moment.time:g}" in message
+        assert f"t = {history.state.time:g}" in message
         assert Status.STALLED.remedy in message
-        assert history.frames[-1].time == history.moment.time
+        assert history.frames[-1].time == history.state.time
 
 
 def test_a_step_that_is_interrupted_says_nothing_of_the_evolution() -> None:
@@ -179,13 +179,13 @@ def test_the_estimate_of_an_error_is_the_error() -> None:
     """Of implicit Euler ``tau^2 u''/2`` in the energy norm, and the largest displacement since the start."""
     discrete = discretize_evolution(block())
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
-    moment, tau = initial_moment(advance), 1e-4
-    origin = moment.body.displacement
+    state, tau = initial_state(advance), 1e-4
+    origin = state.body.displacement
     for _ in range(3):
-        before, taken = moment, advance.take(moment, tau)
-        moment = taken.moment
+        before, taken = state, advance.take(state, tau)
+        state = taken.state
     found = step_error(advance, taken, origin)
-    u0, u1 = (np.abs(one.body.displacement).max() for one in (before, moment))
+    u0, u1 = (np.abs(one.body.displacement).max() for one in (before, state))
     exact = 1.0 / KAPPA + (u0 - 1.0 / KAPPA) * math.exp(-KAPPA / VISCOUS * tau)
     assert found.energy == pytest.approx(math.sqrt(KAPPA) * abs(exact - u1), rel=2e-3)
     assert found.slid == pytest.approx(abs(exact - u1), rel=2e-3)
@@ -201,18 +201,18 @@ def test_the_estimate_with_mass_is_half_the_distance_from_the_prediction() -> No
     problem = block(material=hv.Material.lame(0.0, 1.5, density=2.0)).problem
     discrete = discretize_evolution(Evolution(problem, inertia=True))
     advance = TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls())
-    moment, tau = initial_moment(advance), 0.05
+    state, tau = initial_state(advance), 0.05
     for _ in range(3):
-        before, taken = moment, advance.take(moment, tau)
-        moment = taken.moment
+        before, taken = state, advance.take(state, tau)
+        state = taken.state
     assert discrete.mass is not None
     K, M = discrete.stiffness.inner.toarray(), discrete.mass.inner.toarray()
-    u: Array = moment.body.displacement - before.body.displacement - tau * before.body.velocity
+    u: Array = state.body.displacement - before.body.displacement - tau * before.body.velocity
     u = 0.5 * (u - 0.5 * tau**2 * before.body.acceleration)
-    v = 0.5 * (moment.body.velocity - before.body.velocity - tau * before.body.acceleration)
+    v = 0.5 * (state.body.velocity - before.body.velocity - tau * before.body.acceleration)
     found = step_error(advance, taken, 0.0 * u)
     assert found.energy == pytest.approx(math.sqrt(u @ K @ u + v @ M @ v), rel=1e-9)
-    whole = moment.body.displacement @ K @ moment.body.displacement + moment.body.velocity @ M @ moment.body.velocity
+    whole = state.body.displacement @ K @ state.body.displacement + state.body.velocity @ M @ state.body.velocity
     assert found.size == pytest.approx(math.sqrt(whole), rel=1e-9)
 
 
@@ -232,22 +232,22 @@ def test_the_acceleration_at_the_start_balances_the_forces() -> None:
         velocity=lambda x: (1.0 - x[:, 1:]) * [0.2, -1.0],
     )  # fmt: skip
     discrete = discretize_evolution(evolution)
-    moment = initial_moment(TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls()))
+    state = initial_state(TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls()))
     assert discrete.mass is not None
     assert discrete.viscosity is not None
-    inertial = discrete.mass.times(moment.body.acceleration)
-    lam = moment.multiplier
+    inertial = discrete.mass.times(state.body.acceleration)
+    lam = state.multiplier
     assert lam[:, 0] == pytest.approx(5.0 * 0.05, rel=1e-9)
     pressed = discrete.problem.contact_force(lam)
-    inner = discrete.stiffness.times(moment.body.displacement) + discrete.viscosity.times(moment.body.velocity)
+    inner = discrete.stiffness.times(state.body.displacement) + discrete.viscosity.times(state.body.velocity)
     n = discrete.unknowns
     np.testing.assert_allclose((inertial + inner)[:n] + pressed, discrete.data_at(0.0).load[:n], atol=1e-10)
-    trace = np.asarray(discrete.problem.contact.trace @ moment.body.acceleration[:n]).reshape(lam.shape)
-    np.testing.assert_allclose(moment.local.acceleration, trace, atol=1e-12)
-    assert moment.local.velocity[:, 0] == pytest.approx(1.0)
-    assert moment.local.displacement[:, 0] == pytest.approx(0.05)
-    ledger = moment.ledger
-    assert ledger.kinetic == pytest.approx(discrete.mass.energy(moment.body.velocity))
+    trace = np.asarray(discrete.problem.contact.trace @ state.body.acceleration[:n]).reshape(lam.shape)
+    np.testing.assert_allclose(state.local.acceleration, trace, atol=1e-12)
+    assert state.local.velocity[:, 0] == pytest.approx(1.0)
+    assert state.local.displacement[:, 0] == pytest.approx(0.05)
+    ledger = state.ledger
+    assert ledger.kinetic == pytest.approx(discrete.mass.energy(state.body.velocity))
     assert ledger.contact == pytest.approx(2.5 * 0.05**2)
     assert ledger.start == pytest.approx(ledger.elastic + ledger.kinetic + ledger.contact)
 
@@ -315,7 +315,7 @@ def test_a_body_on_which_nothing_acts_flies_on(scheme: Scheme, velocity: tuple[f
 
 
 def set_out(path: Callable[[float], float]) -> TimeState:
-    """The first moment of a block whose top follows a path, over a foundation that sinks along it."""
+    """The first state of a block whose top follows a path, over a foundation that sinks along it."""
 
     def along(x: Array, t: float) -> Array:
         return np.full(len(x), path(t))
@@ -327,7 +327,7 @@ def set_out(path: Callable[[float], float]) -> TimeState:
         hv.Contact(hv.Compliance(8.0), gap=below), 2, density=1.0, supports={"top": hv.Fixed(x=along)}
     )
     still = Evolution(problem, inertia=True, displacement=(path(0.0), 0.0))
-    return initial_moment(TimeStepper.of(discretize_evolution(still), hv.evolution.Newmark(), None, Controls()), 0.1)
+    return initial_state(TimeStepper.of(discretize_evolution(still), hv.evolution.Newmark(), None, Controls()), 0.1)
 
 
 @pytest.mark.parametrize(
@@ -336,17 +336,17 @@ def set_out(path: Callable[[float], float]) -> TimeState:
 def test_supports_and_gaps_set_out_with_the_rates_of_their_paths(
     path: Callable[[float], float], speed: float, push: float
 ) -> None:
-    moment = set_out(path)
-    assert moment.body.velocity[-3:] == pytest.approx(speed, rel=1e-9)
-    assert moment.body.acceleration[-3:] == pytest.approx(push, abs=1e-7)
-    assert moment.local.velocity[:, 0] == pytest.approx(-speed, rel=1e-9)
+    state = set_out(path)
+    assert state.body.velocity[-3:] == pytest.approx(speed, rel=1e-9)
+    assert state.body.acceleration[-3:] == pytest.approx(push, abs=1e-7)
+    assert state.local.velocity[:, 0] == pytest.approx(-speed, rel=1e-9)
 
 
 def test_what_jumps_at_the_start_has_no_rate() -> None:
     for path in (lambda t: 0.3 if t > 0.0 else 0.0, lambda t: 0.3 * math.sqrt(t)):
-        moment = set_out(path)
-        assert not moment.body.velocity.any()
-        assert not moment.local.velocity[:, 0].any()
+        state = set_out(path)
+        assert not state.body.velocity.any()
+        assert not state.local.velocity[:, 0].any()
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -427,7 +427,7 @@ def test_steps_beyond_the_range_of_numbers_are_refused(unit: float) -> None:
     problem = bodies.square(hv.Compliance(8.0), 1, density=1.0, supports={})
     with pytest.raises(ProblemError, match="state times in another unit"):
         march(Evolution(problem, inertia=True), 10.0 * unit, step=unit)
-    told = hv.evolution.When(function=lambda discrete, moment: "high", label="level")  # type: ignore[arg-type,return-value]
+    told = hv.evolution.When(function=lambda discrete, state: "high", label="level")  # type: ignore[arg-type,return-value]
     with pytest.raises(ProblemError, match="event 'level' gave 'high'; return a number"):
         march(Evolution(problem, inertia=True), 1.0, step=0.5, events=[told])
 

@@ -149,15 +149,15 @@ def test_content_that_changed_does_not_match_its_digest(tmp_path: Path, written:
 
 
 FORGED: dict[str, Callable[[Head, Arrays], None]] = {
-    "time is nan": put("state/march/moment/time", "nan"),
-    "time is a list": put("state/march/moment/time", [1]),
-    "time before the start": put("state/march/moment/time", -1.0),
-    "time of no row": put("state/march/moment/time", 0.35),
-    "index is a text": put("state/march/moment/index", "3"),
-    "index is negative": put("state/march/moment/index", -3),
-    "index is missing": lambda head, arrays: head["state"]["march"]["moment"].pop("index"),
-    "ledger of another kind": put("state/march/moment/ledger", {"work": 1.0, "gold": 1.0}),
-    "ledger is a number": put("state/march/moment/ledger", 3),
+    "time is nan": put("state/march/state/time", "nan"),
+    "time is a list": put("state/march/state/time", [1]),
+    "time before the start": put("state/march/state/time", -1.0),
+    "time of no row": put("state/march/state/time", 0.35),
+    "index is a text": put("state/march/state/index", "3"),
+    "index is negative": put("state/march/state/index", -3),
+    "index is missing": lambda head, arrays: head["state"]["march"]["state"].pop("index"),
+    "ledger of another kind": put("state/march/state/ledger", {"work": 1.0, "gold": 1.0}),
+    "ledger is a number": put("state/march/state/ledger", 3),
     "step is 0": put("state/march/pace/step", 0.0),
     "step of nothing": put("state/march/pace/step", 1e-300),
     "step beyond all": put("state/march/pace/step", 1e300),
@@ -172,10 +172,10 @@ FORGED: dict[str, Callable[[Head, Arrays], None]] = {
     "columns are numbers": lambda head, arrays: head["state"].update(
         columns=list(range(len(head["state"]["columns"])))
     ),
-    "a number is an array": put("state/march/moment/body/displacement", 0.5),
-    "an array that is not there": put("state/march/moment/body/displacement", 10**6),
-    "an array before the first": put("state/march/moment/body/displacement", -1),
-    "a field too many": put("state/march/moment/gold", 1.0),
+    "a number is an array": put("state/march/state/body/displacement", 0.5),
+    "an array that is not there": put("state/march/state/body/displacement", 10**6),
+    "an array before the first": put("state/march/state/body/displacement", -1),
+    "a field too many": put("state/march/state/gold", 1.0),
     "straight is a number": put("state/march/straight", 1),
     "no frames": put("state/march/frames", []),
     "frame at nan": put("state/march/frames/0/time", "nan"),
@@ -183,27 +183,27 @@ FORGED: dict[str, Callable[[Head, Arrays], None]] = {
     "frame of no row": put("state/march/frames/0/time", 0.05),
     "stride is 0": put("state/march/frame_place", [3, 0]),
     "place is negative": put("state/march/frame_place", [-1, 1]),
-    "branches are more": put("state/march/moment/branches", [0, 0]),
-    "branches are none": put("state/march/moment/branches", []),
-    "branches are a text": put("state/march/moment/branches", "1"),
-    "memory of another boundary": put("state/march/moment/memory", {"top": {}}),
-    "memory is gone": put("state/march/moment/memory", {}),
+    "branches are more": put("state/march/state/branches", [0, 0]),
+    "branches are none": put("state/march/state/branches", []),
+    "branches are a text": put("state/march/state/branches", "1"),
+    "memory of another boundary": put("state/march/state/memory", {"top": {}}),
+    "memory is gone": put("state/march/state/memory", {}),
     "event is a number": put("state/march/events", [[1.0, 7]]),
     "message is a number": put("state/march/messages", [7]),
     "largest is negative": put("state/march/largest", -1.0),
     "farthest is nan": put("state/march/farthest", "nan"),
     "bound is negative": put("state/march/bound", -1.0),
-    "heat that is none": put("state/march/moment/heat", {"time": 0.0}),
-    "place is nan": entry("state/march/moment/body/displacement", np.nan),
-    "place is shorter": entry("state/march/moment/body/displacement", lambda a: a[:-1]),
-    "place is longer": entry("state/march/moment/body/displacement", lambda a: np.append(a, 0.0)),
-    "place is a table": entry("state/march/moment/body/displacement", lambda a: a[:, None]),
-    "velocity is inf": entry("state/march/moment/body/velocity", np.inf),
-    "velocity is a number": entry("state/march/moment/body/velocity", lambda a: np.array(1.0)),
-    "local of another shape": entry("state/march/moment/local/displacement", lambda a: a.T),
-    "multiplier is nan": entry("state/march/moment/multiplier", np.nan),
-    "branch is shorter": entry("state/march/moment/branches/0", lambda a: a[1:]),
-    "branch is missing": without("state/march/moment/branches/0"),
+    "heat that is none": put("state/march/state/heat", {"time": 0.0}),
+    "place is nan": entry("state/march/state/body/displacement", np.nan),
+    "place is shorter": entry("state/march/state/body/displacement", lambda a: a[:-1]),
+    "place is longer": entry("state/march/state/body/displacement", lambda a: np.append(a, 0.0)),
+    "place is a table": entry("state/march/state/body/displacement", lambda a: a[:, None]),
+    "velocity is inf": entry("state/march/state/body/velocity", np.inf),
+    "velocity is a number": entry("state/march/state/body/velocity", lambda a: np.array(1.0)),
+    "local of another shape": entry("state/march/state/local/displacement", lambda a: a.T),
+    "multiplier is nan": entry("state/march/state/multiplier", np.nan),
+    "branch is shorter": entry("state/march/state/branches/0", lambda a: a[1:]),
+    "branch is missing": without("state/march/state/branches/0"),
     "origin is nan": entry("state/march/origin", np.nan),
     "origin is empty": entry("state/march/origin", lambda a: a[:0]),
     "rows are fewer": entry("state/own", lambda a: a[:-1]),
@@ -228,8 +228,8 @@ def test_a_forged_checkpoint_is_refused_in_one_sentence(tmp_path: Path, written:
 
 def test_memory_that_is_remembered_is_finite(tmp_path: Path, written: bytes) -> None:
     head = json.loads(read_arrays(written)[0]["head"].tobytes())
-    memory = head["state"]["march"]["moment"]["memory"]
-    path = next(f"state/march/moment/memory/{name}/{one}" for name, states in memory.items() for one in states)
+    memory = head["state"]["march"]["state"]["memory"]
+    path = next(f"state/march/state/memory/{name}/{one}" for name, states in memory.items() for one in states)
     for change in (np.nan, lambda a: a[1:]):
         with pytest.raises(FileError, match="cannot be used"):
             resumed(tmp_path / "run.ckpt", forged(written, entry(path, change)))

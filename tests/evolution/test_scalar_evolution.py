@@ -151,7 +151,7 @@ def test_a_damped_foundation_under_a_membrane(unit: float) -> None:
     with pytest.raises(hv.errors.ProblemError, match="contact 'area' has damping"):
         hv.solve(problem)
     history = march(Evolution(problem), until=1.0, scheme=hv.evolution.SDIRK2(), step=0.02)
-    np.testing.assert_allclose(history.moment.body.displacement, s / k * (1.0 - np.exp(-k / c)), rtol=3e-5)
+    np.testing.assert_allclose(history.state.body.displacement, s / k * (1.0 - np.exp(-k / c)), rtol=3e-5)
 
 
 @pytest.mark.parametrize(("memory", "force"), [(None, 0.025), ((), 0.1 * 2.0 / 3.0)])

@@ -59,10 +59,10 @@ def test_without_mass_it_creeps_as_computed_elsewhere() -> None:
 
 @pytest.mark.parametrize("scheme", [GeneralizedAlpha(0.8), slow(Newmark()), slow(Midpoint())], ids=lambda s: s.name)
 def test_the_order_is_two_with_mass(scheme: Scheme) -> None:
-    finest = march(viscoelastic_cantilever(True), 1.0, step=1 / 640, scheme=scheme).moment.body.displacement
+    finest = march(viscoelastic_cantilever(True), 1.0, step=1 / 640, scheme=scheme).state.body.displacement
     errors = [
         np.linalg.norm(
-            march(viscoelastic_cantilever(True), 1.0, step=step, scheme=scheme).moment.body.displacement - finest
+            march(viscoelastic_cantilever(True), 1.0, step=step, scheme=scheme).state.body.displacement - finest
         )
         for step in (1 / 10, 1 / 20, 1 / 40)
     ]
@@ -74,7 +74,7 @@ def test_the_order_is_two_with_mass(scheme: Scheme) -> None:
 @cache
 def crept() -> Array:
     """Where the cantilever without mass is after a unit of time, with steps 16 times as fine."""
-    return march(viscoelastic_cantilever(False), 1.0, step=1 / 1280, scheme=SDIRK2()).moment.body.displacement
+    return march(viscoelastic_cantilever(False), 1.0, step=1 / 1280, scheme=SDIRK2()).state.body.displacement
 
 
 @pytest.mark.slow
@@ -86,7 +86,7 @@ def crept() -> Array:
 def test_the_orders_without_mass(scheme: Scheme, least: float) -> None:
     errors = [
         np.linalg.norm(
-            march(viscoelastic_cantilever(False), 1.0, step=step, scheme=scheme).moment.body.displacement - crept()
+            march(viscoelastic_cantilever(False), 1.0, step=step, scheme=scheme).state.body.displacement - crept()
         )
         for step in (1 / 20, 1 / 40, 1 / 80)
     ]
@@ -141,7 +141,7 @@ def test_a_bar_on_a_spring(scheme: Scheme) -> None:
     for cells in (16, 64):
         history = march(thrown_bar(cells), 1.0, step=0.5 / cells, scheme=scheme)
         errors.append(abs(history["penetration"][-1] - 0.024542109028))
-        assert abs(history.ledger["gap"]) < 1e-12 * history.moment.ledger.start
+        assert abs(history.ledger["gap"]) < 1e-12 * history.state.ledger.start
     assert errors[1] < 1e-4
     assert errors[1] < 0.5 * errors[0]
 
@@ -161,7 +161,7 @@ def test_a_bar_bounces_off_a_wall() -> None:
         assert pressure[inside].mean() == pytest.approx(0.5, abs=0.01)
         assert pressure[inside].std() < ripple
         assert np.abs(pressure[(t < 0.9) | (t > 2.15)]).max() < 0.2
-        assert history.moment.ledger.stored == pytest.approx(history.moment.ledger.start, rel=0.03)
+        assert history.state.ledger.stored == pytest.approx(history.state.ledger.start, rel=0.03)
         assert history["penetration"][-1] == pytest.approx(-0.5, abs=0.04)
 
 
@@ -169,9 +169,9 @@ def test_a_bar_bounces_off_a_wall() -> None:
 def test_restitution_one_keeps_the_energy() -> None:
     evolution = bar_on_wall(32, "consistent")
     history = march(evolution, 3.0, step=1 / 128, scheme=MoreauJean(1.0))
-    assert history.moment.ledger.stored == pytest.approx(history.moment.ledger.start, rel=1e-12)
+    assert history.state.ledger.stored == pytest.approx(history.state.ledger.start, rel=1e-12)
     dull = march(evolution, 3.0, step=1 / 128, scheme=MoreauJean(0.0))
-    assert 0.9 < dull.moment.ledger.stored / dull.moment.ledger.start < 1.0
+    assert 0.9 < dull.state.ledger.stored / dull.state.ledger.start < 1.0
 
 
 @pytest.mark.parametrize("step", [0.1, 0.05])

@@ -57,7 +57,7 @@ def held(body: Body, x: Array) -> Array:
 
 def ends(told: Told, history: History) -> list[Array]:
     """Displacements at the end of each stage."""
-    return [stage.before.body.displacement for stage, _, _ in told.stages[1:]] + [history.moment.body.displacement]
+    return [stage.before.body.displacement for stage, _, _ in told.stages[1:]] + [history.state.body.displacement]
 
 
 @pytest.fixture
@@ -100,8 +100,8 @@ def test_most_points_that_change_their_piece_are_foreseen_and_fewer_equations_so
     alone = marched(survey(32), 24)
     spared = [sum(row.solver_steps for row in one.rows) for one in (history, alone)]
     assert spared[0] < spared[1]
-    size = np.abs(alone.moment.body.displacement).max()
-    np.testing.assert_allclose(history.moment.body.displacement, alone.moment.body.displacement, atol=1e-8 * size)
+    size = np.abs(alone.state.body.displacement).max()
+    np.testing.assert_allclose(history.state.body.displacement, alone.state.body.displacement, atol=1e-8 * size)
 
 
 def test_what_was_expected_wrongly_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,8 +114,8 @@ def test_what_was_expected_wrongly_changes_no_answer(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(stage_solver, "predicted_contact", contrary)
     other = marched(survey(16), 10)
     assert all(row.residual <= 5e-10 for row in other.rows[1:])
-    size = np.abs(usual.moment.body.displacement).max()
-    np.testing.assert_allclose(other.moment.body.displacement, usual.moment.body.displacement, atol=1e-8 * size)
+    size = np.abs(usual.state.body.displacement).max()
+    np.testing.assert_allclose(other.state.body.displacement, usual.state.body.displacement, atol=1e-8 * size)
 
 
 def test_nothing_is_expected_where_accelerations_swing(told: Told) -> None:

@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar.evolution import Evolution, History, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.stage_solver import StageSolution, StageSolver
@@ -79,7 +79,7 @@ def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, mon
     """Said to be converged, and off by a part of its size."""
     discrete = discretize_evolution(column())
     advance = TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls())
-    first = advance.take(initial_moment(advance, 0.01), 0.01).moment
+    first = advance.take(initial_state(advance, 0.01), 0.01).state
 
     class Wrong(StageSolver):
         def solution(self, stage: Stage, initial: Solution | None, jump: SelectionRule, size: float) -> StageSolution:

@@ -173,7 +173,7 @@ def test_a_foundation_that_creeps_beside_a_damper_feels_its_own_pressure_only() 
     errors, lost = [], []
     for count in (20, 40):
         history = march(on_the_ground(contact, 1.0), 1.0, step=1.0 / count)
-        found = [history["penetration"][-1], history.moment.memory["bottom"]["0.depth"][0]]
+        found = [history["penetration"][-1], history.state.memory["bottom"]["0.depth"][0]]
         errors.append(np.abs(found - exact).max())
         lost.append(history.ledger["numerical"] / history.ledger["work"])
     assert errors[0] < 0.04 * exact[0]

@@ -73,7 +73,7 @@ def test_a_march_ends_where_statics_does(name: str, dim: int) -> None:
         history.frames[-1].multiplier, static.multiplier, atol=1e-7 * np.abs(static.multiplier).max()
     )
     assert off_the_balance(history) < 1e-10
-    ledger = history.moment.ledger
+    ledger = history.state.ledger
     assert ledger.friction == ledger.memory == 0.0
     assert ledger.elastic + ledger.contact == pytest.approx(static.energy, rel=1e-8)
 
@@ -103,7 +103,7 @@ def test_glue_beside_friction_counts_its_slip_from_the_start_and_friction_from_t
     coarse, fine = (hv.march(hv.Evolution(problem), 1.0, step=step) for step in (0.125, 0.0625))
     assert coarse.finished
     assert off_the_balance(coarse) < 1e-10
-    ledger = coarse.moment.ledger
+    ledger = coarse.state.ledger
     assert ledger.friction > 0.0
     frame, rows = coarse.frames[-1], coarse.discrete.problem.contact.on("left")
     weights = coarse.discrete.problem.contact.weights[rows]

@@ -36,7 +36,7 @@ def test_friction_of_the_slip_is_the_static_law_at_each_time(scheme: Scheme, dim
     history = march(Evolution(pulled({name: glue("slip")}, dim=dim)), 3.0, step=0.25, scheme=scheme, stops=[1.0])
     static = hv.solve(pulled({name: glue(None)}, time=False, dim=dim)).raise_for_status()
     assert history.finished
-    np.testing.assert_allclose(history.moment.local.displacement, static.local, atol=1e-9)
+    np.testing.assert_allclose(history.state.local.displacement, static.local, atol=1e-9)
     held = STIFF * static.contact.weights @ static.local[:, 1:]
     assert np.linalg.norm(held) == pytest.approx(20.0, rel=1e-6)
     assert history["friction"][-1] == 0.0  # it dissipates nothing by itself
@@ -50,7 +50,7 @@ def test_friction_of_the_slip_is_the_static_law_at_each_time(scheme: Scheme, dim
 def test_friction_of_the_rate_creeps() -> None:
     """``10 v/0.01 = 5`` per area: the bar slides at v = 0.005."""
     history = march(Evolution(pulled({"bottom": glue("rate")})), 3.0, step=0.25, stops=[1.0])
-    moved = history.moment.local.displacement[:, 1]
+    moved = history.state.local.displacement[:, 1]
     np.testing.assert_allclose(moved, 0.005 * 0.5 + 0.005 * 2.0, rtol=0.1)
     assert history["friction"][-1] > 0.9 * history["work"][-1]
 
@@ -62,11 +62,11 @@ def test_other_boundaries_keep_friction_of_the_rate() -> None:
         above = hv.Contact(hv.laws.Bilateral(), hv.Tresca(1.0, of=of))
         found.append(march(Evolution(pulled({"bottom": glue("slip"), "top": above})), 2.0, step=0.25, stops=[1.0]))
     for history in found:
-        contact, slip = history.discrete.problem.contact, np.abs(history.moment.local.displacement[:, 1])
+        contact, slip = history.discrete.problem.contact, np.abs(history.state.local.displacement[:, 1])
         bottom, top = contact.on("bottom"), contact.on("top")
         assert STIFF * contact.weights[bottom] @ slip[bottom] == pytest.approx(20.0 - 4.0, rel=1e-6)
         assert history["friction"][-1] == pytest.approx(contact.weights[top] @ slip[top], rel=1e-6)
-    np.testing.assert_array_equal(*(one.moment.local.displacement for one in found))
+    np.testing.assert_array_equal(*(one.state.local.displacement for one in found))
 
 
 def test_friction_with_a_length_has_no_default_in_time() -> None:

@@ -112,7 +112,7 @@ def test_steps_are_those_with_a_product_of_its_own(
     monkeypatch.setattr(DiscreteEvolution, "damping_time", None)
     alone = marched()
     for name in ("displacement", "velocity"):
-        one, other = getattr(known.moment.body, name), getattr(alone.moment.body, name)
+        one, other = getattr(known.state.body, name), getattr(alone.state.body, name)
         np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
     for name in ("viscous", "elastic", "numerical"):
         np.testing.assert_allclose(known[name], alone[name], atol=1e-9 * np.abs(alone["elastic"]).max())

@@ -21,7 +21,7 @@ from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution import Evolution, descent, march, stage_solver
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.march import March, marching
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.save import Save
@@ -124,35 +124,35 @@ def test_a_step_multiplies_by_each_matrix_once(law: str, others: bool, monkeypat
 @pytest.mark.parametrize("longer", [0.3, 1.0, 1.9, 7.0])
 def test_a_step_begins_with_the_forces_of_its_prediction(longer: float) -> None:
     advance, taken, _, _ = last(body("softening"), 12)
-    stage = advance.take(taken[-1].moment, longer * STEP).stages[0]
+    stage = advance.take(taken[-1].state, longer * STEP).stages[0]
     parts = forces(advance.discrete, stage.operator, stage.before, stage.place)
     parts.pop("inertial")  # none where the body is expected: see below
     size = sum(np.abs(part) for part in parts.values()) + np.abs(stage.load)
     rest = stage.problem.load - (stage.load - sum(parts.values()))
     assert np.abs(rest).max() <= 1e-13 * size.max()
-    known = taken[-1].moment.history
+    known = taken[-1].state.history
     assert known is not None
     assert known.force is not None
-    stretched = taken[-1].moment.body.displacement - taken[-1].before.body.displacement
+    stretched = taken[-1].state.body.displacement - taken[-1].before.body.displacement
     np.testing.assert_allclose(known.force, advance.discrete.stiffness.times(stretched), atol=1e-13 * size.max())
 
 
 def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: pytest.MonkeyPatch) -> None:
     _, taken, _, _ = last(body("softening"), 8)
-    before, moment = taken[-1].before.multiplier, taken[-1].moment
-    change = moment.multiplier - before
+    before, state = taken[-1].before.multiplier, taken[-1].state
+    change = state.multiplier - before
     assert np.abs(change).max() > 1e-4
     for part in (0.0, 0.5, 2.0):
-        expected = moment.multiplier + part * change
-        np.testing.assert_allclose(extrapolated_multiplier(moment, part * STEP), expected, atol=1e-14)
-    np.testing.assert_array_equal(extrapolated_multiplier(moment, 3.0 * STEP), moment.multiplier)
+        expected = state.multiplier + part * change
+        np.testing.assert_allclose(extrapolated_multiplier(state, part * STEP), expected, atol=1e-14)
+    np.testing.assert_array_equal(extrapolated_multiplier(state, 3.0 * STEP), state.multiplier)
 
     def equations() -> int:
         run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
         return sum(next(run).row.solver_steps for _ in range(40))
 
     told = equations()
-    monkeypatch.setattr("hemivar.evolution.stage_solver.extrapolated_multiplier", lambda moment, _: moment.multiplier)
+    monkeypatch.setattr("hemivar.evolution.stage_solver.extrapolated_multiplier", lambda state, _: state.multiplier)
     assert told < 0.9 * equations()
 
 
@@ -173,10 +173,10 @@ def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Sche
     soft = replace(stated.material, branches=[hv.materials.Branch(lame=(2, 2), time=0.5)])
     discrete = discretize_evolution(Evolution(replace(stated, material=soft), inertia=scheme.takes_mass))
     advance = TimeStepper.of(discrete, scheme, hv.solvers.NonsmoothNewton(), hv.Controls())
-    moment = initial_moment(advance)
+    state = initial_state(advance)
     for _ in range(4):
-        taken = advance.take(moment, STEP)
-        moment = taken.moment
+        taken = advance.take(state, STEP)
+        state = taken.state
     random = np.random.default_rng(3)
     for stage, solution in zip(taken.stages, taken.solutions, strict=True):
         u = solution.unknowns + random.normal(scale=np.abs(solution.unknowns).max(), size=solution.unknowns.shape)
@@ -290,10 +290,10 @@ def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.Mo
     monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", lambda *_: None)
     searched = march(body(law), 20 * STEP, **options)
     for name in ("displacement", "velocity"):
-        one, other = getattr(quick.moment.body, name), getattr(searched.moment.body, name)
+        one, other = getattr(quick.state.body, name), getattr(searched.state.body, name)
         np.testing.assert_allclose(one, other, atol=1e-8 * np.abs(other).max())
-    lam = searched.moment.multiplier
-    np.testing.assert_allclose(quick.moment.multiplier, lam, atol=1e-7 * np.abs(lam).max())
+    lam = searched.state.multiplier
+    np.testing.assert_allclose(quick.state.multiplier, lam, atol=1e-7 * np.abs(lam).max())
     np.testing.assert_allclose(quick["margin"], searched["margin"], rtol=1e-7)
 
 
@@ -331,11 +331,11 @@ def last(evolution: Evolution, steps: int) -> tuple[TimeStepper, list[StepResult
     advance = TimeStepper.of(
         discretize_evolution(evolution), hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls()
     )
-    moment, taken, margins = initial_moment(advance), [], Margins(advance)
+    state, taken, margins = initial_state(advance), [], Margins(advance)
     told = []
     for _ in range(steps):
-        taken.append(advance.take(moment, STEP))
-        moment = taken[-1].moment
+        taken.append(advance.take(state, STEP))
+        state = taken[-1].state
         told.append(margins.largest_step(taken[-1]))
     return advance, taken, margins, told
 
@@ -366,7 +366,7 @@ def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
         advance = TimeStepper.of(
             discretize_evolution(evolution), hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls()
         )
-        stage = advance.take(initial_moment(advance), STEP).stages[0]
+        stage = advance.take(initial_state(advance), STEP).stages[0]
         problem = stage.problem
         assert advance.stages.constant(stage, problem.law) == pytest.approx(
             smallness(problem, trace_constant=False).constant, rel=1e-7
@@ -376,10 +376,10 @@ def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
 def test_no_force_of_inertia_acts_where_a_body_is_expected() -> None:
     discrete = discretize_evolution(body("survey"))
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls())
-    taken = advance.take(initial_moment(advance), STEP)
-    stage = advance.take(taken.moment, STEP).stages[0]
+    taken = advance.take(initial_state(advance), STEP)
+    stage = advance.take(taken.state, STEP).stages[0]
     whole = forces(discrete, stage.operator, stage.before, stage.place)
-    size = float(np.abs(discrete.mass.times(taken.moment.body.velocity / STEP)).max())  # type: ignore[union-attr]
+    size = float(np.abs(discrete.mass.times(taken.state.body.velocity / STEP)).max())  # type: ignore[union-attr]
     np.testing.assert_allclose(whole["inertial"], np.zeros_like(stage.place), atol=1e-12 * size)
 
 

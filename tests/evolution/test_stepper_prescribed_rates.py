@@ -100,16 +100,16 @@ def test_where_speeds_jump_schemes_stay_of_their_order(scheme: Scheme) -> None:
     place, velocity, work = exact()
     n, off = place.size, []
     for count in (300, 600):
-        moment = march(dragged(), END, step=END / count, scheme=scheme).moment
-        ledger, size = moment.ledger, np.abs(velocity).max()
+        state = march(dragged(), END, step=END / count, scheme=scheme).state
+        ledger, size = state.ledger, np.abs(velocity).max()
         off.append(
             [
-                np.abs(moment.body.displacement[:n] - place).max() / np.abs(place).max(),
-                np.abs(moment.body.velocity[:n] - velocity).max() / size,
+                np.abs(state.body.displacement[:n] - place).max() / np.abs(place).max(),
+                np.abs(state.body.velocity[:n] - velocity).max() / size,
                 abs(ledger.moved - work) / abs(work),
             ]
         )
-        assert moment.body.velocity[n:] == pytest.approx(np.tile([0.0, -0.02], 5), abs=1e-9)
+        assert state.body.velocity[n:] == pytest.approx(np.tile([0.0, -0.02], 5), abs=1e-9)
         assert abs(ledger.gap) < 1e-12 * ledger.stored
     errors = np.array(off)
     assert (np.log2(errors[0] / errors[1])[:2] > 1.7).all()
@@ -123,23 +123,23 @@ def test_where_speeds_jump_schemes_stay_of_their_order(scheme: Scheme) -> None:
 def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     """The blow changes no momentum of the unknowns; accelerations are those of the new velocities."""
     stated = dragged() if name == "body" else warm()
-    moment = march(stated, until, step=0.02, scheme=hv.evolution.Newmark()).moment
+    state = march(stated, until, step=0.02, scheme=hv.evolution.Newmark()).state
     discrete = discretize_evolution(stated)
     contact, n = discrete.problem.contact, discrete.unknowns
     assert discrete.mass is not None
     advance = stepper_of(discrete, hv.evolution.Newmark(), None, Controls())
-    after = apply_impulse(advance, moment, 0.02)
+    after = apply_impulse(advance, state, 0.02)
     if name == "heat" and until != TOP:
-        assert after is moment
+        assert after is state
         return
     body, local = after.body, after.local
-    blow = discrete.mass.times(body.velocity - moment.body.velocity)[:n]
+    blow = discrete.mass.times(body.velocity - state.body.velocity)[:n]
     assert np.abs(blow).max() < 1e-12
-    assert body.displacement is moment.body.displacement
+    assert body.displacement is state.body.displacement
     load = discrete.data_at(until).load
     if isinstance(advance, ThermalStepper):
-        assert moment.heat is not None
-        load = load + advance.heat.load(advance.heat.temperature(moment.heat.moment.body.displacement))
+        assert state.heat is not None
+        load = load + advance.heat.load(advance.heat.temperature(state.heat.state.body.displacement))
     sinks = np.zeros_like(local.velocity)
     if name == "body":
         sinks[:, 0] = 0.02 * (until >= SINKS)
@@ -153,7 +153,7 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     left = load - discrete.stiffness.times(body.displacement) - discrete.mass.times(body.acceleration)
     if discrete.viscosity is not None:
         left -= discrete.viscosity.times(body.velocity)
-    for h, (_, branch) in zip(moment.branches, discrete.branches, strict=True):
+    for h, (_, branch) in zip(state.branches, discrete.branches, strict=True):
         left -= branch.times(h)
     left = left[:n] - discrete.problem.contact_force(push)
     assert np.abs(left).max() < 1e-9 * np.abs(discrete.stiffness.times(body.displacement)).max()
@@ -168,7 +168,7 @@ def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
     assert history.ended == "finished"
     assert all(one.startswith("rtol bounds the error of one step") for one in said_of(history))
     assert len(history.rows) < 2500
-    assert np.abs(history.moment.body.displacement[: place.size] - place).max() < 3e-3 * np.abs(place).max()
+    assert np.abs(history.state.body.displacement[: place.size] - place).max() < 3e-3 * np.abs(place).max()
 
 
 SHAKES = "0.02*sin(6*t) + 0.02*abs(t - 0.5) - 0.01"
@@ -228,15 +228,15 @@ def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme,
     off = []
     for count in (300, 600):
         history = march(shaken(tilt), END, step=END / count, scheme=scheme)
-        moment = history.moment
+        state = history.state
         back = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
-        found = [history.discrete.full(part) @ back for part in (moment.body.displacement, moment.body.velocity)]
+        found = [history.discrete.full(part) @ back for part in (state.body.displacement, state.body.velocity)]
         off.append(
             [np.abs(one - two).max() / np.abs(two).max() for one, two in zip(found, shaken_exactly(), strict=True)]
         )
-        assert np.abs(moment.local.velocity[:, 0]).max() < 1e-8
-        assert abs(moment.ledger.gap) < 1e-10 * moment.ledger.stored
-        assert abs(moment.ledger.numerical) < 0.3 * moment.ledger.moved
+        assert np.abs(state.local.velocity[:, 0]).max() < 1e-8
+        assert abs(state.ledger.gap) < 1e-10 * state.ledger.stored
+        assert abs(state.ledger.numerical) < 0.3 * state.ledger.moved
     errors = np.array(off)
     assert (np.log2(errors[0] / errors[1]) > 1.7).all()
     assert (errors[1] < 0.01).all()
@@ -268,12 +268,12 @@ def test_a_march_goes_on_from_a_kink_bit_for_bit(stated: Callable[[], Evolution]
     plan = March(0.6, step=0.05, scheme=hv.evolution.Newmark())
     whole = march(stated(), 0.6, step=0.05, scheme=hv.evolution.Newmark())
     steps = marching(stated(), replace(plan, checkpoint=kept))
-    assert any(step.moment.time == TOP for step in steps)  # ends it there
+    assert any(step.state.time == TOP for step in steps)  # ends it there
     resumed = march(stated(), 0.6, step=0.05, scheme=hv.evolution.Newmark(), checkpoint=kept, resume=True)
     assert len(resumed.rows) == len(whole.rows)
     for part in ("displacement", "velocity", "acceleration"):
-        assert getattr(resumed.moment.body, part).tobytes() == getattr(whole.moment.body, part).tobytes()
-    assert resumed.moment.ledger == whole.moment.ledger
+        assert getattr(resumed.state.body, part).tobytes() == getattr(whole.state.body, part).tobytes()
+    assert resumed.state.ledger == whole.state.ledger
     assert whole["kinetic"][-1] > 0.0
 
 

@@ -206,10 +206,10 @@ def test_errors_of_steps_are_summed() -> None:
         march(evolution, end, step=AdaptiveStep(one, first_step=end / 500.0), scheme=SDIRK2())
         for one in (rtol, rtol / 40.0)
     )
-    bodies = coarse.moment.body.displacement, fine.moment.body.displacement
+    bodies = coarse.state.body.displacement, fine.state.body.displacement
     energy = math.sqrt(coarse.discrete.stiffness.energy(bodies[0] - bodies[1]) / fine["elastic"].max())
     moved = float(np.abs(bodies[1]).max() - evolution.displacement(np.array([[0.0, 1.0]])).max())  # type: ignore[operator]
-    slid = float(np.abs(coarse.moment.local.displacement - fine.moment.local.displacement).max()) / moved
+    slid = float(np.abs(coarse.state.local.displacement - fine.state.local.displacement).max()) / moved
     for name, off in (("error_sum", energy), ("contact_error_sum", slid)):
         sums = coarse[name]
         assert sums[0] == 0.0

@@ -164,23 +164,23 @@ def test_a_march_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
         march(other, 0.5, checkpoint=file, resume=True, **options)
 
 
-def test_a_step_is_a_function_of_the_moment() -> None:
+def test_a_step_is_a_function_of_the_state() -> None:
     """A step that is forgotten leaves nothing behind."""
     from hemivar.evolution.discrete import discretize_evolution
-    from hemivar.evolution.initial import initial_moment
+    from hemivar.evolution.initial import initial_state
     from hemivar.evolution.thermal_stepper import stepper_of
 
     discrete = discretize_evolution(Evolution(body(), heat=RICH))
     advance = stepper_of(discrete, hv.evolution.ImplicitEuler(), None, hv.Controls())
-    first = initial_moment(advance)
-    one = advance.take(first, 0.1).moment
-    two = advance.take(one, 0.1).moment
+    first = initial_state(advance)
+    one = advance.take(first, 0.1).state
+    two = advance.take(one, 0.1).state
     advance.take(two, 0.3)
-    again = advance.take(one, 0.1).moment
+    again = advance.take(one, 0.1).state
     assert np.array_equal(two.body.displacement, again.body.displacement)
     assert two.heat is not None
     assert again.heat is not None
-    assert np.array_equal(two.heat.moment.body.displacement, again.heat.moment.body.displacement)
+    assert np.array_equal(two.heat.state.body.displacement, again.heat.state.body.displacement)
     assert two.ledger == again.ledger
     assert two.heat.book == again.heat.book
 
@@ -193,8 +193,8 @@ def test_books_of_a_body_with_everything() -> None:
     ):
         history = march(Evolution(body(), inertia=inertia, heat=RICH), 1.0, step=0.05, scheme=scheme)
         assert history.finished
-        assert history.moment.heat is not None
-        book = history.moment.heat.book
+        assert history.state.heat is not None
+        book = history.state.heat.book
         assert abs(book.gap) < 1e-10
         assert book.friction == pytest.approx(0.5 * history.ledger["friction"], rel=1e-8)
         assert min(abs(value) for name, value in book.record().items() if name != "heat.gap") > 1e-6

@@ -91,12 +91,12 @@ def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
     for _ in range(count):
         found = np.linalg.solve(whole, np.concatenate([force + C @ u / tau, source + S @ th / tau - gives @ u / tau]))
         u, th = found[:n], found[n:]
-    moment = history.moment
-    assert moment.heat is not None
+    state = history.state
+    assert state.heat is not None
     assert history["step"][1:] == pytest.approx(tau)
     assert history["rounds"].max() <= rounds  # as docs/thermal.md says
-    assert np.abs(moment.body.displacement[:n] - u).max() < 1e-7 * np.abs(u).max()
-    assert np.abs(moment.heat.moment.body.displacement[:m] - th).max() < 1e-7 * np.abs(th).max()
+    assert np.abs(state.body.displacement[:n] - u).max() < 1e-7 * np.abs(u).max()
+    assert np.abs(state.heat.state.body.displacement[:m] - th).max() < 1e-7 * np.abs(th).max()
 
 
 def test_temperatures_of_supports_and_what_they_give() -> None:

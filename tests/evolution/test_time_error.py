@@ -168,7 +168,7 @@ def test_the_effectivity_of_one_degree_of_freedom(norm: str) -> None:
     history = march(evolution, 3.0, step=3.0 / count)
     assert history.time_error.norm == norm, history.time_error.why
     size = math.sqrt(
-        2.0 * getattr(history.discrete, norm).energy(history.moment.body.displacement)
+        2.0 * getattr(history.discrete, norm).energy(history.state.body.displacement)
     )  # of the body at rest
     exact = np.exp(-5.0 * history.times)
     error = size * np.abs((1.0 + 5.0 * 3.0 / count) ** -np.arange(count + 1) - exact)

@@ -227,7 +227,7 @@ def test_a_body_that_hangs_on_glue_alone_ends_broken() -> None:
     problem = hv.ContactProblem(mesh, hv.Material.lame(40.0, 40.0), contact, {"left": "roller"}, tractions=pull)
     history = march(Evolution(problem), 1.0, step=0.1)
     assert history.ended == "broken"
-    assert history.moment.time == pytest.approx(0.5, abs=0.11)  # the strength of the glue
+    assert history.state.time == pytest.approx(0.5, abs=0.11)  # the strength of the glue
     assert any("broken at t = " in message for message in history.messages)
 
 

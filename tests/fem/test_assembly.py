@@ -265,6 +265,11 @@ def test_loads_are_the_same_in_whatever_order_they_are_stated() -> None:
     [
         (lambda x: x[:, 0], {}, "body_force: the callable returned shape"),
         (lambda x: np.full(x.shape, np.nan), {}, "body_force: the callable returned .*nan"),
+        (
+            lambda x: np.stack([x[:, 0], np.where(x[:, 0] > 0.9, np.inf, 0.0)], axis=1),
+            {},
+            r"body_force: the callable returned \[0\.9\d* +inf\] at x = \[0\.9",
+        ),
         (lambda x: "strong", {}, "what the callable returns is not an array of numbers"),
         (0.0, {"left": lambda x: x[:1]}, r"tractions\['left'\]"),
         (0.0, {"left": Pressure(lambda x: x)}, r"tractions\['left'\]"),

@@ -32,9 +32,9 @@ def test_a_soft_body_from_a_file_resumes_bit_for_bit(tmp_path: Path) -> None:
     whole = hv.march(evolution, 2.0, step=0.2)
     assert whole.ended == "finished"
     assert np.abs(whole["gap"]).max() <= 1e-6 * whole["moved"][-1]
-    stiffness = whole.moment.memory["bottom"]["0.stiffness"]
+    stiffness = whole.state.memory["bottom"]["0.stiffness"]
     assert 0.0 == stiffness.min() < stiffness.max()  # some broken, some not
     hv.march(evolution, 1.0, step=0.2, checkpoint=hv.evolution.Checkpoint(kept, 0.0))
     again = hv.march(evolution, 2.0, step=0.2, checkpoint=hv.evolution.Checkpoint(kept, 0.0), resume=True)
-    np.testing.assert_array_equal(again.moment.body.displacement, whole.moment.body.displacement)
-    np.testing.assert_array_equal(again.moment.multiplier, whole.moment.multiplier)
+    np.testing.assert_array_equal(again.state.body.displacement, whole.state.body.displacement)
+    np.testing.assert_array_equal(again.state.multiplier, whole.state.multiplier)

@@ -101,7 +101,7 @@ def test_files_of_a_march_that_is_left_are_whole(tmp_path: Path) -> None:
     for stepped, _ in zip(work, range(9), strict=False):
         if series is None:
             series = Series(tmp_path / "run.pvd", march_discrete(work))
-        new = [] if stepped.frame is None else [(stepped.moment.index, stepped.frame)]
+        new = [] if stepped.frame is None else [(stepped.state.index, stepped.frame)]
         series.add([*stepped.earlier, *new])
         seen += [*(f.time for _, f in stepped.earlier), *(f.time for _, f in new)]
         times, files = times_of(tmp_path / "run.pvd")

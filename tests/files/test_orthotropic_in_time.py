@@ -32,11 +32,11 @@ def test_a_file_with_wear_resumes_bit_for_bit(tmp_path: Path) -> None:
     evolution, kept = hv.Evolution(hv.read_problem(file)), tmp_path / "march.ckpt"
     whole = hv.march(evolution, 0.1, step=0.01)
     assert whole.ended == "finished"
-    assert whole.moment.memory["bottom"]["0.depth"].min() > 0.0
+    assert whole.state.memory["bottom"]["0.depth"].min() > 0.0
     hv.march(evolution, 0.05, step=0.01, checkpoint=hv.evolution.Checkpoint(kept, 0.0))
     again = hv.march(evolution, 0.1, step=0.01, checkpoint=hv.evolution.Checkpoint(kept, 0.0), resume=True)
-    np.testing.assert_array_equal(again.moment.body.displacement, whole.moment.body.displacement)
-    np.testing.assert_array_equal(again.moment.multiplier, whole.moment.multiplier)
+    np.testing.assert_array_equal(again.state.body.displacement, whole.state.body.displacement)
+    np.testing.assert_array_equal(again.state.multiplier, whole.state.multiplier)
     adaptive = hv.march(evolution, 0.1, step=hv.evolution.AdaptiveStep(rtol=1e-2))
     assert adaptive.ended == "finished"
     np.testing.assert_allclose(forces(adaptive), forces(whole), rtol=1e-2, atol=1e-3)

@@ -45,7 +45,7 @@ def test_a_file_resumes_bit_for_bit(tmp_path: Path) -> None:
     for cut in (0.5, 0.9):
         hv.march(evolution, cut, step=0.1, checkpoint=hv.evolution.Checkpoint(kept, 0.0))
         again = hv.march(evolution, 1.0, step=0.1, checkpoint=hv.evolution.Checkpoint(kept, 0.0), resume=True)
-        np.testing.assert_array_equal(again.moment.body.displacement, whole.moment.body.displacement)
+        np.testing.assert_array_equal(again.state.body.displacement, whole.state.body.displacement)
         for one, other in zip(state(again), state(whole), strict=True):
             np.testing.assert_array_equal(one, other)
     whole.write(tmp_path / "peeled.pvd")

@@ -154,7 +154,7 @@ def test_a_bound_that_follows_the_pressure_is_a_factor_of_one_table() -> None:
     [
         ContactLaw(hv.laws.Compliance(3.0, 1.5)),
         ContactLaw(hv.laws.FormulaLaw("0.3*cos(5*r) + 0.1*r^2/2", reach=4.0)),
-        ContactLaw(hv.laws.FunctionLaw(lambda r: r**2 / 2.0)),
+        ContactLaw(hv.laws.FunctionLaw(derivative=lambda r: r)),
         ContactLaw(hv.laws.Signorini(), Friction(0.5, hv.laws.FormulaLaw("log(1 + r)", even=True))),
         ContactLaw(stack([(hv.laws.Compliance(3.0, 2.0), 30), (hv.laws.Signorini(), 30)])),
         ContactLaw(PiecewiseQuadratic(np.linspace(0.0, 1.0, 60), np.ones(61), np.zeros(60))),

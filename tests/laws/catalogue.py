@@ -47,7 +47,7 @@ LAWS: dict[str, Superpotential] = {
     "waves": FormulaLaw("0.3*cos(5*r) + 0.1*r^2/2", reach=4.0),
     "slopes of two formulas": FormulaLaw("max(r^2 - 1, 0, r/2)", reach=4.0),
     "logarithm": FormulaLaw("log(1 + r)", even=True),
-    "own potential": FunctionLaw(lambda r: np.log1p(np.abs(r)), kinks=[0.0]),
+    "own potential": FunctionLaw(lambda r: np.log1p(np.abs(r)), lambda r: np.sign(r) / (1.0 + np.abs(r)), kinks=[0.0]),
     "own derivative": FunctionLaw(derivative=lambda r: np.where(r > 0, 2 * np.exp(-r), 0.0) + 0.1 * r, kinks=[0.0]),
 }
 

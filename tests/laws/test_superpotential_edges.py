@@ -79,7 +79,7 @@ def test_what_grows_a_little_faster_than_a_square_is_seen() -> None:
 
 
 def test_growth_of_functions() -> None:
-    bounded = FunctionLaw(np.log1p, even=True)
+    bounded = FunctionLaw(np.log1p, lambda r: 1.0 / (1.0 + r), even=True)
     assert bounded.growth[1][0] == 0.0
     assert bounded.growth[0][0] == pytest.approx(1.0, rel=1e-6)
     rising = FunctionLaw(derivative=lambda r: r + 1.0 / (1.0 + ((r - 1.0051) / 0.02) ** 2))
@@ -108,7 +108,8 @@ def test_pieces_beyond_the_end_of_a_law_are_empty() -> None:
 
 
 def test_of_several_laws_one_whose_constants_are_sampled_is_enough() -> None:
-    sampled, known = FunctionLaw(np.log1p, even=True), ThresholdCompliance(0.3)
+    sampled = FunctionLaw(np.log1p, lambda r: 1.0 / (1.0 + r), even=True)
+    known = ThresholdCompliance(0.3)
     both = stack([(sampled, 1), (known, 2)])
     assert both.constants_sampled
     assert both.alpha_sampled
@@ -227,7 +228,7 @@ def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None
 
     own = PenetrationBound(lambda s: np.clip(8.0 * s, 0.0, 0.8))
     exact = PenetrationBound(([0.0, 0.1], [0.0, 0.8]))
-    sampled = FunctionLaw(lambda r: np.log1p(r), even=True)
+    sampled = FunctionLaw(np.log1p, lambda r: 1.0 / (1.0 + r), even=True)
     for bound, profile, expected in (
         (own, None, True),
         (exact, None, False),
@@ -256,7 +257,11 @@ def test_smooth_friction_is_bent_the_same_way_in_all_directions_at_rest() -> Non
 def test_one_side_is_enough_to_refuse_a_derivative_without_bound() -> None:
     for side in (1.0, -1.0):
         with pytest.raises(ProblemError, match="without bound"):
-            FunctionLaw(lambda r, side=side: np.sqrt(np.maximum(side * r, 0.0)), kinks=[0.5 * side])
+            FunctionLaw(
+                lambda r, side=side: np.sqrt(np.maximum(side * r, 0.0)),
+                lambda r, side=side: 0.5 * side * (side * r > 0.0) / np.sqrt(np.abs(r)),
+                kinks=[0.5 * side],
+            )
 
 
 def test_a_small_jump_down_and_a_fall_on_the_negative_side_are_seen() -> None:

@@ -206,7 +206,7 @@ def test_downhill_stays_in_the_valley_where_it_begins() -> None:
     """Glue of stiffness 24 on a spring of 3, pulled by 1.35: intact at 0.05, and lower where it is broken, at 0.45."""
     one = Primitive(MixedMode(BilinearCohesion(stiffness=24.0, strength=2.4, energy=0.2), 1.5).at(None))
     a, b = np.full((2, 2), 3.0), np.array([[-1.35, 0.0]] * 2)
-    found = one.downhill(a, b, np.array([[-0.01, 0.0], [-0.4, 0.0]]))
+    found = one.local_minimiser(a, b, np.array([[-0.01, 0.0], [-0.4, 0.0]]))
     np.testing.assert_allclose(found, [[-0.05, 0.0], [-0.45, 0.0]], atol=1e-12)
 
 

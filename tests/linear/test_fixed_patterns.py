@@ -11,6 +11,7 @@ import scipy.sparse as sp
 import hemivar as hv
 from hemivar.kernels import kernels
 from hemivar.kernels.library import Kernels
+from hemivar.linear import fixed_patterns
 from hemivar.linear.levels import Levels
 from hemivar.linear.truncated_level import TruncatedLevel
 from hemivar.systems.body_on_levels import levels_of
@@ -38,15 +39,21 @@ def expected(levels: Levels, held: np.ndarray, added: np.ndarray) -> list[sp.csr
 
 
 @pytest.mark.skipif(kernels() is None, reason="the compiled kernels are not there")
+@pytest.mark.parametrize("dense", [0.0, np.inf])
 @pytest.mark.parametrize("part", [0.0, 0.3, 1.0])
-def test_levels_follow_as_by_whole_products(levels: Levels, part: float) -> None:
+def test_levels_follow_as_by_whole_products(
+    levels: Levels, part: float, dense: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert levels.algebraic >= 2
-    assert levels.fixed_change is not None
+    assert levels.compiled is not None
+    monkeypatch.setattr(fixed_patterns, "_DENSE", dense)
+    transfers = [one.prolongation for one in levels.transfers[: levels.algebraic]]
+    change = fixed_patterns.FixedChange(levels.compiled.kernels, levels.levels[: levels.algebraic + 1], transfers)
     top, rng = levels.levels[levels.algebraic], np.random.default_rng(2)
     held = rng.random(top.contact.size) < part
     free = ~held[top.coupling.rows] & ~held[top.coupling.columns]
     added: Any = np.where(free, 3.0 * (top.coupling.rows == top.coupling.columns) + 0.5, 0.0)
-    found = levels.fixed_change.of(held, added)
+    found = change.of(held, added)
     for k, numbers, matrix in zip(
         range(levels.algebraic - 1, -1, -1), found, expected(levels, held, added), strict=True
     ):

@@ -267,7 +267,7 @@ def test_hierarchy_serves_other_loads_and_laws() -> None:
         law=hv.laws.ContactLaw(hv.Compliance(3.0).at(problem.contact.points), hv.Tresca(0.1).at(problem.contact.points))
     )
     step = hierarchy.steps[-1]
-    below = step.posed(other)
+    below = step.on_coarse_mesh(other)
     assert below.stiffness is step.problem.stiffness
     np.testing.assert_allclose(below.law.normal.derivative(np.full(below.contact_points, 0.5)), 1.5)
 

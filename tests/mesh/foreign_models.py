@@ -12,12 +12,12 @@ FILES = Path(__file__).parent / "files"
 #: Name, elements, order, formats.
 EXPORTS = (
     ("plane", "triangles", 1, "inp bdf med su2 mesh vtk"),
-    ("quads", "quadrilaterals", 1, "inp med vtk"),
-    ("second", "triangles", 2, "inp med su2 vtk"),
+    ("quads", "quadrilaterals", 1, "inp med unv vtk"),
+    ("second", "triangles", 2, "inp med su2 unv vtk"),
     ("hexes", "hexahedra", 1, "inp bdf med su2 mesh vtk"),
-    ("hexes2", "hexahedra", 2, "inp bdf med vtk"),
+    ("hexes2", "hexahedra", 2, "inp bdf med unv vtk"),
     ("wedges1", "wedges", 1, "msh"),
-    ("wedges2", "wedges", 2, "msh inp bdf vtk"),
+    ("wedges2", "wedges", 2, "msh inp bdf unv vtk"),
 )
 
 

@@ -85,7 +85,42 @@ SCALARS part int 1
 LOOKUP_TABLE default
 2
 """
-TEXTS = {"inp": INP, "bdf": BDF, "su2": SU2, "vol": VOL, "vtk": VTK}
+UNV = """    -1
+  2411
+         1         1         1        11
+   0.0000000000000000D+00   0.0000000000000000D+00   0.0000000000000000D+00
+         2         1         1        11
+   1.0000000000000000D+00   0.0000000000000000D+00   0.0000000000000000D+00
+         3         1         1        11
+   1.0000000000000000D+00   1.0000000000000000D+00   0.0000000000000000D+00
+         4         1         1        11
+   0.0000000000000000D+00   1.0000000000000000D+00   0.0000000000000000D+00
+    -1
+    -1
+  2412
+         1        11         2         1         7         2
+         0         1         1
+         1         2
+         2        44         2         1         7         4
+         1         2         3         4
+         3       136         2         1         7         2
+         1         3
+    -1
+    -1
+  2467
+         1         0         0         0         0         0         0         1
+low
+         8         1         0         0
+         2         0         0         0         0         0         0         4
+all
+         7         1         0         0         7         2         0         0
+         7         3         0         0         7         4         0         0
+         3         0         0         0         0         0         0         1
+plate
+         8         2         0         0
+    -1
+"""
+TEXTS = {"unv": UNV, "inp": INP, "bdf": BDF, "su2": SU2, "vol": VOL, "vtk": VTK}
 
 
 def read(tmp_path: Path, suffix: str, text: str) -> str:
@@ -166,7 +201,13 @@ CASES = [
     ("vtk", "POINTS 4", "POINTS 400", "POINTS has 32 numbers in place of 1200"),
     ("vtk", "LOOKUP_TABLE default\n", "", "SCALARS part lacks its LOOKUP_TABLE"),
     ("med", None, "no HDF5", "read with the package h5py; pip install|cannot be read as a mesh of the format"),
-    ("unv", None, "    -1\n  2411\n", "suffix '.unv' stands for no format that is read"),
+    ("unv", None, "    -1\n  2411\n", "its last dataset has no end"),
+    ("unv", "        44 ", "        47 ", "cells of type 47 of universal files, which are not read"),
+    ("unv", "  7         4\n", "  7         3\n", "an element of type 44 has 3 nodes in place of 4"),
+    ("unv", "         2\n         1         3\n", "         9\n         1         3\n", "element 3 ends before its 9"),
+    ("unv", "  2411", "  9911", "it holds no nodes \\(dataset 2411\\)"),
+    ("unv", "3         4\n         3 ", "3         9\n         3 ", "an element refers to node 9"),
+    ("unv", "0         1\nlow", "0        40\nlow", "a group of dataset 2467 says 40 members"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nTrianglesP2\n0\nEnd\n", "cells of type TrianglesP2"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nSpheres\n0\nEnd\n", "format medit .Unknown keyword 'Spheres'"),
     ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "none.bdf"),
@@ -224,6 +265,20 @@ def test_what_could_not_be_taken_is_said(tmp_path: Path) -> None:
         ".ele",
         ".vtu",
     }
+
+
+def test_groups_of_universal_files_are_boundaries_and_regions(tmp_path: Path) -> None:
+    path = tmp_path / "plate"
+    path.write_text(UNV)
+    mesh = read_mesh(path)
+    assert {name: len(facets) for name, facets in mesh.boundaries.items()} == {"low": 1}
+    np.testing.assert_allclose(mesh.points[mesh.boundaries["low"]][:, :, 1], 0.0)
+    assert mesh.volumes[mesh.regions["plate"]].sum() == pytest.approx(1.0)
+    assert mesh.notes == (
+        "1 quadrilaterals were split into 4 triangles",
+        "elements of type 136 belong to no body and were ignored",
+        "'all' is a group of all nodes; it was ignored",
+    )
 
 
 def test_a_deck_of_nastran_holds_what_it_includes(tmp_path: Path) -> None:

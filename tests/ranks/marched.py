@@ -57,14 +57,14 @@ with all_or_none(ranks):
             return bool(taken == given.steps)
 
         history = march_on_ranks(ranks, tuple(pieces), case.state, plan, watch=watch)
-        discrete, moment = history.discrete, history.moment
+        discrete, state = history.discrete, history.state
         assert isinstance(discrete, EvolutionOnRanks)
         body, contact = discrete.body, discrete.problem.contact
         assert contact.points is not None
-        place, velocity = discrete.full(moment.body.displacement), discrete.full(moment.body.velocity)
+        place, velocity = discrete.full(state.body.displacement), discrete.full(state.body.velocity)
         own = body.owned
         nodes = np.hstack([pieces[-1].mesh.points[own], place[own], velocity[own]])
-        marks = np.hstack([contact.boundary[:, None], contact.points, moment.local.displacement, moment.multiplier])
+        marks = np.hstack([contact.boundary[:, None], contact.points, state.local.displacement, state.multiplier])
         nodes, marks = (np.concatenate(ranks.mpi.allgather(part)) for part in (nodes, marks))
         said[name] = {
             "nodes": nodes.tolist(),

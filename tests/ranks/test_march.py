@@ -63,10 +63,10 @@ def test_the_march_is_the_serial_one(name: str, ranks: int) -> None:
 def _ends_as_in_serial(name: str, said: dict[str, Any]) -> None:
     serial = _serial(name)
     assert said["ended"] == serial.ended == "finished"
-    discrete, moment = serial.discrete, serial.moment
+    discrete, state = serial.discrete, serial.state
     mesh, contact = discrete.field.mesh, discrete.problem.contact
     assert contact.points is not None
-    place, velocity = discrete.full(moment.body.displacement), discrete.full(moment.body.velocity)
+    place, velocity = discrete.full(state.body.displacement), discrete.full(state.body.velocity)
     dim = mesh.dim
     nodes = _sorted(np.array(said["nodes"]), dim)
     wanted = _sorted(np.hstack([mesh.points, place, velocity]), dim)
@@ -75,7 +75,7 @@ def _ends_as_in_serial(name: str, said: dict[str, Any]) -> None:
     _agree(nodes[:, 2 * dim :], wanted[:, 2 * dim :], "velocity")
     marks = _sorted(np.array(said["contact"]), 1 + dim)
     wanted = _sorted(
-        np.hstack([contact.boundary[:, None], contact.points, moment.local.displacement, moment.multiplier]), 1 + dim
+        np.hstack([contact.boundary[:, None], contact.points, state.local.displacement, state.multiplier]), 1 + dim
     )
     np.testing.assert_allclose(marks[:, : 1 + dim], wanted[:, : 1 + dim], atol=1e-12)
     _agree(marks[:, 1 + dim : 1 + 2 * dim], wanted[:, 1 + dim : 1 + 2 * dim], "penetration and slip")

@@ -13,7 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.files import read_problem, write_problem
 from hemivar.solvers import Solution, solve
 from tests.problems import discrete_square, square
-from tests.solvers.test_handing_on import stuck  # noqa: F401
+from tests.solvers.test_fallbacks import stuck  # noqa: F401
 
 
 def test_the_summary_is_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -233,19 +233,19 @@ def test_starting_from_the_solution_takes_no_steps() -> None:
 def test_coarser_problems_are_posed_only_for_a_start_that_nobody_names(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, workspace = hv.discretize(gallery.survey("5.1", 32)), hv.systems.Workspace()
     NonsmoothMultigrid().prepare(problem, workspace)
-    posed, pose = [], Coarser.posed
+    made, make = [], Coarser.on_coarse_mesh
 
     def counted(self: Coarser, finer: hv.DiscreteProblem) -> hv.DiscreteProblem:
-        posed.append(finer.unknowns)
-        return pose(self, finer)
+        made.append(finer.unknowns)
+        return make(self, finer)
 
-    monkeypatch.setattr(Coarser, "posed", counted)
+    monkeypatch.setattr(Coarser, "on_coarse_mesh", counted)
     found = hv.solve(problem, NonsmoothMultigrid(), TIGHT, initial=np.zeros(problem.unknowns), workspace=workspace)
     assert found.status is Status.CONVERGED
-    assert not posed
+    assert not made
     nested = hv.solve(problem, NonsmoothMultigrid(), TIGHT, workspace=workspace)
-    assert posed
-    assert posed == sorted(posed, reverse=True)
+    assert made
+    assert made == sorted(made, reverse=True)
     assert distance(problem, nested, found) < 1e-8
 
 

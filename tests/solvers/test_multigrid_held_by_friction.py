@@ -11,7 +11,7 @@ from hemivar.discrete import DiscreteProblem
 from hemivar.laws import ContactLaw, Friction, PenetrationBound
 from hemivar.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, SemismoothNewton, Solver, Status
-from hemivar.solvers.handing_on import others
+from hemivar.solvers.fallbacks import others
 from hemivar.systems.body_on_levels import levels_of, set_up
 from hemivar.systems.workspace import Workspace
 

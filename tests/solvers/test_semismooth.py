@@ -10,7 +10,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.evolution.discrete import discretize_evolution
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import (
     Adhesive,
@@ -103,9 +103,9 @@ def random_steps(seed: int, steps: int = 4) -> tuple[int, int]:
     evolution = hv.Evolution(problem, inertia=True, velocity=tuple(random.normal(size=2)))
     discrete = discretize_evolution(evolution)
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
-    moment, alone, other = initial_moment(advance), 0, 0
+    state, alone, other = initial_state(advance), 0, 0
     for _ in range(steps):
-        taken = advance.take(moment, float(random.choice([0.01, 0.1, 0.5])))
+        taken = advance.take(state, float(random.choice([0.01, 0.1, 0.5])))
         stage, found = taken.stages[0], taken.solutions[0]
         exact = points_of(stage.problem, mu, stiffness).solutions()
         if len(exact) == 1:
@@ -113,7 +113,7 @@ def random_steps(seed: int, steps: int = 4) -> tuple[int, int]:
             size = np.abs(exact[0]).max() + np.abs(stage.problem.offset).max()
             np.testing.assert_allclose(found.local, exact[0], atol=1e-7 * size, err_msg=str(seed))
             alone, other = alone + 1, other + (found.fallbacks > 0)
-        moment = taken.moment
+        state = taken.state
     return alone, other
 
 

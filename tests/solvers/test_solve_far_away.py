@@ -67,4 +67,4 @@ def test_loads_may_begin_as_flat_as_they_like(power: int, inertia: bool) -> None
     if not inertia:
         unit = hv.discretize(hanging((0.0, -1.0), hv.laws.NoContact()))
         linear = 0.01**power * sla.spsolve(unit.stiffness.tocsc(), unit.load)
-        assert np.abs(history.moment.body.displacement[: linear.size] - linear).max() <= 1e-9 * np.abs(linear).max()
+        assert np.abs(history.state.body.displacement[: linear.size] - linear).max() <= 1e-9 * np.abs(linear).max()

@@ -132,7 +132,7 @@ def test_load_steps_pass_where_points_let_go_one_after_the_other() -> None:
 
 def test_the_width_of_the_bracket_is_an_option() -> None:
     problem = hv.discretize(block("mixed-mode", (0.0, 2.3 * STRENGTH)))
-    method = LoadStepping(METHODS["newton"].downhill(), width=0.2)
+    method = LoadStepping(METHODS["newton"].local_descent(), width=0.2)
     found = solve(problem, method)
     assert found.carried is not None
     low, high = found.carried

@@ -9,7 +9,7 @@ from hemivar.laws import ContactLaw, PiecewiseQuadratic, Tresca
 from hemivar.solvers import NonsmoothNewton, Status, solve
 from hemivar.survey import Powell, PrimalDualActiveSet
 from tests.problems import discrete_square
-from tests.solvers.test_handing_on import (
+from tests.solvers.test_fallbacks import (
     SOLVING,
     _Stuck,
     stuck,  # noqa: F401

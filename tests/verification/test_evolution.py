@@ -107,7 +107,7 @@ def test_the_friction_force_in_space_is_that_of_its_vectors() -> None:
     """The tangents of contact points on planes of symmetry differ from those of others."""
     history = march(gallery.MindlinSphere().evolution(3, sides=3.0), 1.0, step=1.0)
     contact = history.discrete.problem.contact
-    local = history.moment.multiplier.copy()
+    local = history.state.multiplier.copy()
     local[:, 0] = 0.0
     force = contact.weights @ contact.global_vectors(local)
     assert history["friction_force"][-1] == pytest.approx(np.linalg.norm(force), rel=1e-12)
@@ -146,7 +146,7 @@ def test_a_manufactured_motion_on_springs_and_dampers(cases: ModuleType) -> None
     points = history.discrete.problem.contact.points
     exact = known.pressure(points, 1.0)
     inside = (points[:, 0] > 0.1) & (points[:, 0] < 1.9)
-    assert np.abs(history.moment.multiplier[:, 0] - exact)[inside].max() < 0.05 * exact.max()
+    assert np.abs(history.state.multiplier[:, 0] - exact)[inside].max() < 0.05 * exact.max()
     assert abs(history.ledger["gap"]) < 1e-12
 
 

@@ -82,7 +82,7 @@ def test_two_bars_in_series(slave: str, exchange: bool) -> None:
         assert found is not None
         np.testing.assert_allclose(found[at(problem, LONG[0])], first - q * LONG[0] / k["a"], rtol=1e-12)
         np.testing.assert_allclose(found[at(problem, LONG[0] + GAP)], last + q * LONG[1] / k["b"], rtol=1e-12)
-        book = history.moment.heat.book  # type: ignore[union-attr]
+        book = history.state.heat.book  # type: ignore[union-attr]
         assert book.contact == 0.0
         assert abs(book.gap) < 1e-12 * 1e4 * abs(q)
 
@@ -167,7 +167,7 @@ def test_heat_of_friction_goes_into_both(slave: str, share: float | None) -> Non
     assert rubbed > 0.05
     part = 0.5 if share is None else share
     np.testing.assert_allclose(found, [part * rubbed, (1.0 - part) * rubbed], atol=1e-13)
-    book = history.moment.heat.book  # type: ignore[union-attr]
+    book = history.state.heat.book  # type: ignore[union-attr]
     assert book.friction == pytest.approx(rubbed, rel=1e-12)
     assert abs(book.gap) < 1e-12
 
@@ -216,7 +216,7 @@ def test_heat_at_held_nodes_crosses_as_any_other() -> None:
         alone = {"a:right": hv.Contact(hv.Signorini(), gap=GAP)}
         other = contents(problem, march(Evolution(bars(contact=alone), heat=wall), 1.0, step=0.25), capacity)
         np.testing.assert_allclose(found[:, 0], other[:, 0], rtol=1e-12)
-        book = history.moment.heat.book  # type: ignore[union-attr]
+        book = history.state.heat.book  # type: ignore[union-attr]
         assert book.supports == pytest.approx(found[-1].sum() - found[0].sum(), rel=1e-12)
         assert book.contact == 0.0
 

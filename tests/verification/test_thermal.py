@@ -28,7 +28,7 @@ def block(cells: int = 2, **more: object) -> hv.ContactProblem:
 
 def closed(history: History) -> None:
     """Both books are closed, the body's without what the scheme takes hidden in the gap."""
-    book = history.moment.heat.book  # type: ignore[union-attr]
+    book = history.state.heat.book  # type: ignore[union-attr]
     size = sum(
         abs(value) for value in (book.content, book.start, book.source, book.supports, book.contact, book.friction)
     )
@@ -136,7 +136,7 @@ def test_a_sliding_block_heats_itself(scheme: Scheme) -> None:
     history = march(evolution, until, step=0.02, scheme=scheme)
     made = history.ledger["friction"]
     assert made == pytest.approx(mu * weight * speed * until, rel=2e-2)
-    book = history.moment.heat.book  # type: ignore[union-attr]
+    book = history.state.heat.book  # type: ignore[union-attr]
     assert book.friction == pytest.approx(share * made, rel=1e-10)
     assert book.content == pytest.approx(share * made, rel=1e-9)
     closed(history)

@@ -12,7 +12,7 @@ from typing import Any
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import MethodError
 
-__all__ = ["MISSING", "above", "defined_above", "hand_on"]
+__all__ = ["MISSING", "above", "define_above", "defined_above"]
 
 #: What messages say of a package that is not there.
 MISSING = "not installed here; install all of hemivar"
@@ -20,7 +20,7 @@ MISSING = "not installed here; install all of hemivar"
 _TABLE: dict[str, str] = {}
 
 
-def hand_on(table: Mapping[str, str]) -> None:
+def define_above(table: Mapping[str, str]) -> None:
     """Learn where entries lead: ``"Type.method"`` or ``"module.function"`` to ``"package.module.name"`` of hemivar."""
     _TABLE.update(table)
 

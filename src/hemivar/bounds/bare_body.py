@@ -60,7 +60,7 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
     On the coarsest mesh boundaries that are alike then have one name, the first of theirs, but for sides where bodies
     touch.
     """
-    if problem.material.axisymmetric:
+    if problem.kinematics.ring:
         raise ProblemError("lower bounds of trace constants are available for plane and 3D bodies only; leave them out")
     mesh = problem.mesh
     while coarsest and mesh.parent is not None:

@@ -23,11 +23,12 @@ from hemivar.bounds.load_values import LoadValues, load_values
 from hemivar.bounds.split_element import facet_mass, pulled_back, upper_pulled_back, voigt
 from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import elastic
-from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
+from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.kernels.cell_strains import cell_strains
 from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.conditions import DataField, Pressure, stated_values
+from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES

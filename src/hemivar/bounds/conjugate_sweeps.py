@@ -26,7 +26,7 @@ from hemivar.bounds.compiled_patches import Prices
 from hemivar.bounds.facet_table import FacetTable
 from hemivar.bounds.patches import PatchKind, cell_patches
 from hemivar.bounds.sweeps import ContactPenalty, PatchSmoother
-from hemivar.fem.elements import voigt_index
+from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mesh.keys import EDGES
 
 __all__ = ["Sweeps", "unresolved"]

@@ -22,9 +22,9 @@ from hemivar.bounds.body_data import BodyData
 from hemivar.bounds.goals import Goal, GoalKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.elements import voigt_index
 from hemivar.fem.supports import stated_supports
 from hemivar.linear.factorisation import factorise
+from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["Functional", "functionals", "linear_forces", "nodal_forces", "strained", "work"]

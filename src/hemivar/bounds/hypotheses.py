@@ -66,7 +66,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     refuse_areas(problem, "a bound of the distance to the exact solution")
     refuse_evolution(problem)
     refuse_stiffening(problem, "a bound of the distance to the exact solution")
-    if problem.material.axisymmetric:
+    if problem.kinematics.ring:
         raise ProblemError(
             "the body is one of revolution: distances to the exact solution are bounded for plane and 3D bodies; "
             "compare with a finer mesh"

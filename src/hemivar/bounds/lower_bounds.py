@@ -71,8 +71,9 @@ from hemivar.bounds.facet_table import FacetTable, facet_table
 from hemivar.bounds.split_element import pulled_back
 from hemivar.errors import ProblemError
 from hemivar.fem.directed_matrix import directed_matrix
-from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
+from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_areas
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.workspace import Workspace

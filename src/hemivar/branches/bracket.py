@@ -17,13 +17,13 @@ from hemivar.branches.follow import PathOptions, following
 from hemivar.branches.path import Path
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine
+from hemivar.fem.as_discrete import ProblemLike
 from hemivar.fem.growing import growing
 from hemivar.fem.load_line import load_names
-from hemivar.fem.posed import Posable
 from hemivar.fem.stress_stiffness import stiffens
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
-from hemivar.solvers.base import PosedSystem, State
+from hemivar.solvers.base import SolverSystem, State
 from hemivar.solvers.choice import affordable
 from hemivar.solvers.load_stepping import Reached, SystemClimb
 from hemivar.solvers.solve import default_method, solving
@@ -132,7 +132,7 @@ class LoadBracket:
 
 @known_keywords
 def load_bracket(
-    problem: Posable,
+    problem: ProblemLike,
     upto: float = 5.0,
     *,
     max_time: float = np.inf,
@@ -188,7 +188,7 @@ def load_bracket(
 
 
 def bracketing(
-    problem: Posable, options: BracketOptions, *, workspace: Workspace | None = None
+    problem: ProblemLike, options: BracketOptions, *, workspace: Workspace | None = None
 ) -> Generator[Reached, bool | None, LoadBracket]:
     """:func:`load_bracket` load by load: yields every load factor, ends after it if it is sent True.
 
@@ -257,7 +257,7 @@ def _within(
     method = LoadStepping(default_method(loaded, kept)).for_tolerance(Controls().rtol)
     assert isinstance(method, LoadStepping)
     with one_thread(not method.condenses):
-        system = cast(PosedSystem, method.prepare(loaded, kept))
+        system = cast(SolverSystem, method.prepare(loaded, kept))
         r = system.start()
         climb = SystemClimb(method, replace(line, loaded=loaded), budget, upto, system=system)
         reached = yield from climb.up(State(r, system.multiplier(r)))

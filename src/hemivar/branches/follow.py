@@ -26,9 +26,9 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
+from hemivar.fem.as_discrete import ProblemLike
 from hemivar.fem.growing import growing
 from hemivar.fem.load_line import load_names
-from hemivar.fem.posed import Posable
 from hemivar.solvers import Controls, LoadStepping, Solution, Solver, solve
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem, condense
@@ -103,7 +103,7 @@ def _beyond(quantity: PathQuantity, points: IntArray, weights: Array, value: flo
 
 @known_keywords
 def follow_path(
-    problem: Posable,
+    problem: ProblemLike,
     load_factor: tuple[float, float] = (0.0, 1.0),
     *,
     unloaded: DiscreteProblem | None = None,
@@ -171,7 +171,7 @@ def follow_path(
 
 
 def following(
-    problem: Posable,
+    problem: ProblemLike,
     options: PathOptions,
     *,
     unloaded: DiscreteProblem | None = None,

@@ -23,7 +23,7 @@ from hemivar.certificates.smallness import Smallness, one_solution
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.systems.chain import Chain, chain_of, segments_at_most
 from hemivar.systems.workspace import Workspace
@@ -140,7 +140,7 @@ class SolutionsOptions:
 
 @known_keywords
 def find_solutions(
-    problem: Posable,
+    problem: ProblemLike,
     *,
     starts: int = 40,
     max_solutions: int = 100,
@@ -197,7 +197,7 @@ def find_solutions(
 
 
 def finding(
-    problem: Posable, options: SolutionsOptions, workspace: Workspace | None = None
+    problem: ProblemLike, options: SolutionsOptions, workspace: Workspace | None = None
 ) -> Generator[SearchProgress, bool | None, SolutionSet]:
     """:func:`find_solutions` start by start: yields each, ends after it if it is sent True, returns the solutions.
 
@@ -214,7 +214,7 @@ def finding(
         Every start; the generator returns a :class:`SolutionSet`.
     """
     kept = Workspace.given(workspace)
-    problem = posed(problem, "find_solutions")
+    problem = as_discrete(problem, "find_solutions")
     budget = Budget(options.controls.max_time)
     if not isinstance(problem.bulk, Quadratic):
         return (yield from _of_nonlinear_body(problem, options, kept, budget))

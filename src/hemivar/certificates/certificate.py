@@ -32,7 +32,7 @@ from hemivar.certificates.smallness import (
 from hemivar.certificates.wording import ESTIMATE, Certificate
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import inaccurate_law, residual
+from hemivar.discrete.residual import residual
 from hemivar.errors import ProblemError
 from hemivar.fem.small_strain import Deformation, deformation_of
 from hemivar.fem.stress_stiffness import under_own_stress
@@ -290,7 +290,6 @@ def certified(
     if not isinstance(deformed, Deformation):
         deformed = deformation_of(problem, u)
     strained = None if deformed is None else deformed.warning
-    inaccurate = None if stationary else inaccurate_law(problem, u, lam, found)
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)
     certificate = Certificate(
@@ -314,7 +313,7 @@ def certified(
         smallness=constants,
         method=energy.by.method,
         seconds=budget.spent,
-        warnings=tuple(said for said in (*problem.notes, strained, outside, inaccurate) if said),
+        warnings=tuple(said for said in (*problem.notes, strained, outside) if said),
         error_bound_sampled=constants.sampled or bool(constants.within),
         left_out=tuple(left_out),
         apart=not energy.at_hand,

@@ -22,9 +22,9 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
-from hemivar.fem.posed import Posable, posed
 from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import ContactLaw, Friction
 from hemivar.laws.coupled import bounded
@@ -162,7 +162,7 @@ class Smallness:
 
 @expecting(factor=EnergyNorm, trace_constant=bool)
 def smallness(
-    problem: Posable,
+    problem: ProblemLike,
     *,
     displacement: Array | None = None,
     multiplier: Array | None = None,
@@ -193,7 +193,7 @@ def smallness(
     -------
     Smallness
     """
-    problem = posed(problem, "smallness")
+    problem = as_discrete(problem, "smallness")
     energy = energy_norm(problem, workspace) if factor is None else factor
     found = _constants_at(problem, energy, displacement, multiplier)
     return with_survey(problem, found, trace_constant, workspace)
@@ -270,7 +270,7 @@ def trace_bound(statement: ContactProblem, workspace: Workspace | None) -> float
     if proved is None:
         return None
     check_time()
-    bound: float | None = proved(statement, _RING_NORM if statement.material.axisymmetric else _NORM, workspace)
+    bound: float | None = proved(statement, _RING_NORM if statement.kinematics.ring else _NORM, workspace)
     return bound
 
 

@@ -71,7 +71,7 @@ class MarchView:
         stepped = event.stepped
         if self.series is None or not (stepped.frame or stepped.earlier):
             return
-        index = stepped.moment.index
+        index = stepped.state.index
         new = [] if stepped.frame is None else [(index, stepped.frame)]
         try:
             self.series.add([*stepped.earlier, *new])
@@ -94,7 +94,7 @@ class MarchView:
                 print(f"\n{head}  left")
             self._told = done
             force = row.values["normal_force"]
-            line = f"{event.stepped.moment.index:>7}  {row.time:>11.6g}  {row.step:>9.3g}  {row.residual:>9.2e}"
+            line = f"{event.stepped.state.index:>7}  {row.time:>11.6g}  {row.step:>9.3g}  {row.residual:>9.2e}"
             happened = ", ".join((*event.stepped.happened, *(("jumped",) if row.jumped else ())))
             print(f"{line}  {row.margin:>8.3g}  {force:>13.6g}  {left:<8} {happened}".rstrip(), flush=True)
 
@@ -119,7 +119,7 @@ def print_history(found: History) -> None:
     taken = int(found["solver_steps"].sum())
     others = int(found["fallbacks"].sum()) if "fallbacks" in found.columns else 0
     solved = f"{taken} of the solver" + (f", {others} fallbacks" if others else "")
-    out.print(f" at t = {found.moment.time:g} after {steps} steps ({solved}), {len(found.frames)} frames")
+    out.print(f" at t = {found.state.time:g} after {steps} steps ({solved}), {len(found.frames)} frames")
     if not steps:
         return
     print(f"worst residual    {found.residual:.1e}")
@@ -130,7 +130,7 @@ def print_history(found: History) -> None:
     ledger = found.ledger
     given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
     given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []
-    given += [f"{found.moment.ledger.start:.6g} at the start"] if found.moment.ledger.start else []
+    given += [f"{found.state.ledger.start:.6g} at the start"] if found.state.ledger.start else []
     print(f"external work     {', '.join(given)}")
     kinds = {
         "stored": ("elastic", "branches", "contact", "kinetic"),
@@ -164,7 +164,7 @@ def code_of(found: History, name: str) -> Exit:
     sys.stdout.flush()
     if found.ended == "refused":
         why = found.messages[-1].removeprefix(f"{name}: ")
-        sys.stderr.write(f"hemivar: error: {one_line(f'{name}: after t = {found.moment.time:g}: {why}')}\n")
+        sys.stderr.write(f"hemivar: error: {one_line(f'{name}: after t = {found.state.time:g}: {why}')}\n")
         return Exit.BAD_INPUT
-    sys.stderr.write(f"hemivar: not finished: {found.ended} at t = {found.moment.time:g}\n")
+    sys.stderr.write(f"hemivar: not finished: {found.ended} at t = {found.state.time:g}\n")
     return Exit.NOT_CONVERGED

@@ -25,7 +25,6 @@ __all__ = [
     "Residual",
     "balanced",
     "contact_compliance",
-    "inaccurate_law",
     "load_scale",
     "residual",
     "residuals",
@@ -222,25 +221,6 @@ def residuals(
         left, missed, pressed = problem.vectors.norms(balance - force, off, force).tolist()
         found.append(Residual.of(left, missed, scale, pressed, moved))
     return found
-
-
-def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Array, found: Residual) -> str | None:
-    """Why a residual is no smaller, where half of it or more is what the derivative of a law may be off by.
-
-    Shapes: ``displacement`` (n,), ``multiplier`` (m, d).
-    """
-    if not problem.vectors.largest(float(problem.contact_points and problem.law.by_differences))[0]:
-        return None
-    r = problem.local(displacement)
-    own = problem.contact.weights * problem.law.frozen(r, multiplier).derivative_error(r)
-    off = float(problem.vectors.norms(own)[0])
-    if not 2.0 * off >= found.total > 0.0 or found.scale == 0.0:
-        return None
-    return (
-        "the derivative of a law is found by differences of its potential and may have an error of "
-        f"{off / found.scale:.1e} of the load, which the residual includes: give the derivative as a function too, "
-        "or take a larger rtol"
-    )
 
 
 def balanced(problem: DiscreteProblem, u: Array, stiffness: sp.csr_array | None = None) -> tuple[Array, float]:

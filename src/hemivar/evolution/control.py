@@ -35,7 +35,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
-from hemivar.evolution.stage import Stage, posed_stage, stage_state
+from hemivar.evolution.stage import Stage, discrete_stage, stage_state
 from hemivar.evolution.state import LoadControl, TimeState
 from hemivar.evolution.step_end import SolvedStage, with_products
 from hemivar.evolution.step_laws import stage_law
@@ -437,42 +437,42 @@ class ControlledStepper(TimeStepper):
         guess = self.discrete.counted(before.local.displacement, before.local.displacement)
         law = stage_law(self.discrete, start, before, operator.rule, step, guess, before.multiplier, operator.laws)
 
-        def posed(factor: float) -> Stage:
+        def stage_at(factor: float) -> Stage:
             end = self.data.at(factor)
-            return posed_stage(self.discrete, self.stages.bodies, before, operator, end, end, start, law)
+            return discrete_stage(self.discrete, self.stages.bodies, before, operator, end, end, start, law)
 
         # Loads are straight lines: from one end or the other nothing cancels.
         low, high = self.span[0], self.span[0] + self._reach
         other = low if abs(known.factor - low) > abs(known.factor - high) else high
-        frozen = self._frozen(before, known, posed(known.factor), posed(other), other - known.factor)
+        frozen = self._frozen(before, known, stage_at(known.factor), stage_at(other), other - known.factor)
         pair = None if frozen is None else self._pair(frozen, known, before, step)
         factor = known.factor if pair is None else pair.factor
         self._refuse_bent(factor)
-        stage = posed(factor)
+        stage = stage_at(factor)
         most = 0.0 if frozen is None else known.largest * norm(frozen.rate)
         solved = self._solved_stage(stage, before, pair, most)
         time = before.time + step if end_time is None else end_time
         taken = self._balanced(self._ended(before, [solved], step, time, self.data.at(factor)), [solved])
         if frozen is None or pair is None or taken.status is not Status.CONVERGED:
             return taken
-        spent, ledger, gone = frozen.spent(pair), taken.moment.ledger, abs(pair.factor - self.span[0])
+        spent, ledger, gone = frozen.spent(pair), taken.state.ledger, abs(pair.factor - self.span[0])
         given = _is_step(pair.factor - known.factor, step)
         if not self._straight(known.pace * step, spent, ledger.memory - before.ledger.memory, given):
             return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
         largest = max(known.largest, gone)
         # At the first step the body is elastic: what it stores of the growth alone is a square of the factor.
-        pace = known.pace / known.largest if known.pace else 2.0 * self._stored(before, taken.moment) / gone**2
+        pace = known.pace / known.largest if known.pace else 2.0 * self._stored(before, taken.state) / gone**2
         control = LoadControl(
             pair.factor,
             pace * largest,
             largest,
-            max(known.carried, self._carried(taken.moment)),
+            max(known.carried, self._carried(taken.state)),
             step,
             pair.factor - known.factor,
             spent,
             *frozen.way(pair)[:2],
         )
-        return replace(taken, moment=replace(taken.moment, control=control))
+        return replace(taken, state=replace(taken.state, control=control))
 
     def _stored(self, before: TimeState, after: TimeState) -> float:
         """Energy of the change from one state to another, as if it were alone."""

@@ -505,7 +505,9 @@ class StepMatrices:
             known = self._slow = model, key, replace(model, bulk=bulk, parts=parts)
         return known[2]
 
-    def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: VectorLaw, place: Array) -> DiscreteProblem:
+    def stage_problem(
+        self, base: DiscreteProblem, load: Array, offset: Array, law: VectorLaw, place: Array
+    ) -> DiscreteProblem:
         """One of the bodies under a load (n,), with other offsets (m, c) and another law.
 
         Load and offset are read-only from now on.  A body that is not linear has its energy from a displacement

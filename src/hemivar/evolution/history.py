@@ -111,7 +111,7 @@ class History(PickleMixin, ReprMixin):
         The first is the initial state.
     frames : tuple of Frame
         What was saved.
-    moment : TimeState
+    state : TimeState
         Where it ended.
     ended : str
         ``"finished"``, or what ended it before: the status of a step that could not be solved, ``"broken"`` where
@@ -138,7 +138,7 @@ class History(PickleMixin, ReprMixin):
     discrete: DiscreteEvolution
     rows: tuple[Row, ...]
     frames: tuple[Frame, ...]
-    moment: TimeState
+    state: TimeState
     ended: str = "finished"
     events: tuple[tuple[float, str], ...] = ()
     messages: tuple[str, ...] = ()
@@ -148,7 +148,7 @@ class History(PickleMixin, ReprMixin):
     def __repr__(self) -> str:
         steps = len(self.rows) - 1
         return (
-            f"History({steps} steps to t = {self.moment.time:g}, {self.ended}; least margin {self.margin:.3g}, "
+            f"History({steps} steps to t = {self.state.time:g}, {self.ended}; least margin {self.margin:.3g}, "
             f"largest residual {self.residual:.2g}, {len(self.frames)} frames)"
         )
 
@@ -193,8 +193,8 @@ class History(PickleMixin, ReprMixin):
     @property
     def ledger(self) -> Mapping[str, float]:
         """Energies at the end, and all work and losses."""
-        thermal = {} if self.moment.heat is None else {"thermal": self.moment.ledger.thermal}
-        return {**self.moment.ledger.record(), **thermal}
+        thermal = {} if self.state.heat is None else {"thermal": self.state.ledger.thermal}
+        return {**self.state.ledger.record(), **thermal}
 
     @property
     def margin(self) -> float:

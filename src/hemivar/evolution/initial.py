@@ -1,4 +1,4 @@
-"""The moment at which an evolution begins."""
+"""Initial state: displacement, velocity and the acceleration that all forces make."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hemivar.laws.vector_law import lengths
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers import Status
 
-__all__ = ["Kinked", "accelerated", "apply_impulse", "initial_moment", "prescribed_rates", "velocity_discontinuity"]
+__all__ = ["Kinked", "accelerated", "apply_impulse", "initial_state", "prescribed_rates", "velocity_discontinuity"]
 
 #: Part of the velocities that is no blow, but rounding.
 _NO_BLOW = 1e-9
@@ -130,7 +130,7 @@ def _still(place: Array) -> Kinematics:
     return Kinematics(place, np.zeros_like(place), np.zeros_like(place))
 
 
-def initial_moment(stepper: TimeStepper, step: float | None = None) -> TimeState:
+def initial_state(stepper: TimeStepper, step: float | None = None) -> TimeState:
     """Displacement and velocity as stated, the acceleration that the forces ask for, nothing remembered yet.
 
     Supports and gaps that move have the rates with which they set out, none where they jump.
@@ -187,7 +187,7 @@ def accelerated(
     moving: tuple[Kinematics, Kinematics],
     step: float | None,
 ) -> TimeState:
-    """A moment with the acceleration that all forces make of where the body is and of how fast."""
+    """A state with the acceleration that all forces make of where the body is and of how fast."""
     contact, n, first = stepper.discrete.problem.contact, stepper.discrete.unknowns, 1.0 if step is None else step
     law = _law_of_rates(stepper, state, acting, _AT_ONCE * first)
     place = state.local.displacement
@@ -269,7 +269,7 @@ def _pressed(
         there = (motion.displacement + span * (motion.velocity + span * motion.acceleration) for motion in moving)
         soon = replace(acting, prescribed=next(there), offset=next(there))
     found = stepper.at_once(state, span, acting, soon)
-    return np.where(held, found.moment.multiplier, lam) if found.status is Status.CONVERGED else lam
+    return np.where(held, found.state.multiplier, lam) if found.status is Status.CONVERGED else lam
 
 
 def _rubbed(stepper: TimeStepper, state: TimeState, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
@@ -324,7 +324,7 @@ def _acceleration(stepper: TimeStepper, state: TimeState, load: Array, held: Arr
 
 
 def apply_impulse(stepper: TimeStepper, state: TimeState, step: float) -> TimeState:
-    """The moment with the rates that supports and gaps have from then on, if the speed of one jumps there.
+    """The state with the rates that supports and gaps have from then on, if the speed of one jumps there.
 
     Where a load jumps as well, or alone, it has the accelerations that follow, if the scheme hands them on.
     Schemes that carry velocities on would remember the old ones for ever.  Supports change the velocity of the body at
@@ -373,7 +373,7 @@ def apply_impulse(stepper: TimeStepper, state: TimeState, step: float) -> TimeSt
 
 
 def _pushed_anew(stepper: TimeStepper, state: TimeState, step: float) -> TimeState:
-    """The moment with the accelerations of the load after it, if the load jumps there; velocities stay."""
+    """The state with the accelerations of the load after it, if the load jumps there; velocities stay."""
     if not (state.index and stepper.data.jumps_at(state.time) and stepper.scheme.uses_initial_acceleration(step)):
         return state
     moving = prescribed_rates(stepper, state.time, step)

@@ -55,15 +55,15 @@ def settled(
         raise ProblemError(f"{error}; {_NO_REST}") from error
     if resting is not now and taken.status is not Status.CONVERGED:
         taken = replace(taken, advice=f"{taken.status.remedy}; {_NO_REST}")
-    still = [np.zeros_like(place) for place in (taken.moment.body.displacement, taken.moment.local.displacement)]
+    still = [np.zeros_like(place) for place in (taken.state.body.displacement, taken.state.local.displacement)]
     rest = replace(
-        taken.moment,
+        taken.state,
         index=state.index,
-        body=Kinematics(taken.moment.body.displacement, still[0], still[0]),
-        local=Kinematics(taken.moment.local.displacement, still[1], still[1]),
+        body=Kinematics(taken.state.body.displacement, still[0], still[0]),
+        local=Kinematics(taken.state.local.displacement, still[1], still[1]),
         history=None,
     )
-    return replace(taken, moment=rest)
+    return replace(taken, state=rest)
 
 
 def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
@@ -78,7 +78,7 @@ def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
 
 
 def begun(state: TimeState) -> TimeState:
-    """A moment with which the balance of energy begins."""
+    """A state with which the balance of energy begins."""
     ledger = state.ledger
     names = ("elastic", "branches", "contact", "kinetic")
     return replace(state, ledger=EnergyBalance(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
@@ -90,14 +90,14 @@ def ramped(discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, 
     What acts after a jump does more work on the way than what grows to it; the difference is what implicit Euler loses.
     Of loads it is half of their change on the way, as for a linear body, where supports or gaps jump as well.
     """
-    before, ledger = taken.before.ledger, taken.moment.ledger
+    before, ledger = taken.before.ledger, taken.state.ledger
     lost = ledger.numerical - before.numerical
     still = np.array_equal(start.prescribed, now.prescribed) and np.array_equal(start.offset, now.offset)
-    way = taken.moment.body.displacement - taken.before.body.displacement
+    way = taken.state.body.displacement - taken.before.body.displacement
     half = float(discrete.vectors.total(0.5 * float((now.load - start.load) @ way))[0])
     work = half if discrete.vectors.largest(float(not still))[0] else lost
     ledger = replace(ledger, numerical=before.numerical, work=ledger.work - work, moved=ledger.moved - (lost - work))
-    return replace(taken, moment=replace(taken.moment, ledger=ledger))
+    return replace(taken, state=replace(taken.state, ledger=ledger))
 
 
 def sunk_by_a_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
@@ -111,14 +111,14 @@ def sunk_by_a_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, floa
     discrete, step = stepper.discrete, taken.step
     if taken.stages[0].rule.restitution is None or not discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         return 0.0, 0.0
-    start, end = taken.before.time, taken.moment.time
+    start, end = taken.before.time, taken.state.time
     ends = [stepper.data.at(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
     try:
         ends.append(stepper.data.at(end + step).offset[:, 0])
     except ProblemError:  # what depends on time makes no sense any more then
         ends.append(ends[-1])
     before, came, after = (early - late for early, late in itertools.pairwise(ends))
-    depth = taken.moment.local.displacement[:, 0]
+    depth = taken.state.local.displacement[:, 0]
     jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > _TOUCHES * np.abs(ends[2]).max(initial=0.0))
     jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
     jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
@@ -137,7 +137,7 @@ def longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
     discrete, before, stage = stepper.discrete, taken.before, taken.stages[0]
     if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
         return np.inf
-    n, way = discrete.unknowns, taken.moment.body.displacement - before.body.displacement
+    n, way = discrete.unknowns, taken.state.body.displacement - before.body.displacement
     force = stepper.data_from(before).after(before.time).load - stiffness_force(discrete, before.body)
     force[:n] -= discrete.problem.contact_force(before.multiplier)
     first, middle = discrete.vectors.total(

@@ -134,7 +134,7 @@ def marching(
     kept, written = plan.checkpoint, clock.perf_counter()
     assert kept is None or isinstance(kept, Checkpoint)
     ended, unkept = "finished", ""
-    while loop.moment.time < plan.until:
+    while loop.state.time < plan.until:
         try:
             with limited(budget) if hurried else nullcontext():
                 taken, happened, stop = loop.attempt()
@@ -170,7 +170,7 @@ def marching(
 def _keep(kept: Checkpoint, loop: TimeLoop) -> str:
     """Write a checkpoint; if it cannot be written, the march is worth more than that: returns why."""
     try:
-        kept.write(loop.state(), loop.identity)
+        kept.write(loop.march_state(), loop.identity)
     except FileError as error:
         if not _of_all(error, loop.discrete):
             raise

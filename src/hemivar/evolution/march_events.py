@@ -1,4 +1,4 @@
-"""Events: moments that are worth a stop, found by bisection of the step in which they happen."""
+"""Events: states that are worth a stop, found by bisection of the step in which they happen."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ class When(Event):
     Parameters
     ----------
     function : callable
-        Called with the discrete evolution and the moment; returns a number.
+        Called with the discrete evolution and the state; returns a number.
     label : str
         What it is called in the history.
     then : OnEvent
@@ -201,7 +201,7 @@ class When(Event):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not callable(self.function):
-            raise ProblemError("the event When needs a function of (discrete, moment) that returns a number")
+            raise ProblemError("the event When needs a function of (discrete, state) that returns a number")
         expect(self.label, str, "the label of an event", "give a text")
 
     def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:

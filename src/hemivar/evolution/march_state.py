@@ -32,7 +32,7 @@ _AT_CONTACT = ("local", "multiplier", "rate")
 #: What is kept of a motion; its products with the matrices are computed again, to the last bit. And of mean rates.
 MOTION = ("displacement", "velocity", "acceleration")
 RATES = ("velocity", "acceleration")
-_FORMAT = 9
+_FORMAT = 10
 _LARGEST = 1 << 36
 _ARRAY = "array "
 #: Numbers of a row beside the values of the columns, in their order.
@@ -43,11 +43,11 @@ _OF_ROWS = ("time", "step", "solver_steps", "residual", "margin", "largest_step"
 class MarchState:
     """All that a march needs to go on."""
 
-    moment: TimeState
+    state: TimeState
     pace: StepSizeState
     rows: tuple[Row, ...]
     frames: tuple[Frame, ...]
-    #: Moments offered so far, and which of them are kept.
+    #: States offered so far, and which of them are kept.
     frame_place: tuple[int, int]
     events: tuple[tuple[float, str], ...]  # (time, name)
     messages: tuple[str, ...]
@@ -85,15 +85,15 @@ class Checkpoint:
         if not number(self.minutes, "minutes of Checkpoint", "give a time >= 0") >= 0.0:
             raise ProblemError(f"Checkpoint(minutes={self.minutes:g}): give a time >= 0")
 
-    def write(self, state: MarchState, identity: str) -> None:
+    def write(self, march: MarchState, identity: str) -> None:
         """Write a march."""
         with disk.whole_file(self.file) as path, open(path, "wb") as stream:
-            self.pack(stream, state, identity)
+            self.pack(stream, march, identity)
 
-    def pack(self, stream: IO[bytes], state: MarchState, identity: str) -> None:
+    def pack(self, stream: IO[bytes], march: MarchState, identity: str) -> None:
         """Write a march to a stream."""
         arrays: list[AnyArray] = []
-        head = {"format": _FORMAT, "identity": identity, "state": encoded(_Kept.of(state), arrays)}
+        head = {"format": _FORMAT, "identity": identity, "state": encoded(_Kept.of(march), arrays)}
         written = {f"{_ARRAY}{number_}": array for number_, array in enumerate(arrays)}
         write_arrays(stream, {"head": np.frombuffer(json.dumps(head).encode(), dtype=np.uint8), **written})
 
@@ -177,84 +177,84 @@ class _Kept:
         return replace(self.march, rows=tuple(rows))
 
 
-def misfit(state: MarchState, stepper: TimeStepper, stepping: StepSizeController, columns: Sequence[str]) -> str:
+def misfit(march: MarchState, stepper: TimeStepper, stepping: StepSizeController, columns: Sequence[str]) -> str:
     """What is wrong with a state that was read: shapes, numbers that are not finite, times and counters.
 
     Empty if nothing is.
     """
-    return next(_wrong(state, stepper, stepping, columns), "")
+    return next(_wrong(march, stepper, stepping, columns), "")
 
 
 def _wrong(
-    state: MarchState, stepper: TimeStepper, stepping: StepSizeController, columns: Sequence[str]
+    march: MarchState, stepper: TimeStepper, stepping: StepSizeController, columns: Sequence[str]
 ) -> Iterator[str]:
-    yield from _moment(state.moment, stepper, "")
-    moment = state.moment
-    if moment.heat is not None and stepper.beside is not None:
-        yield from _moment(moment.heat.moment, stepper.beside, "heat.")
-        if not (_count(moment.heat.rounds) and math.isfinite(moment.heat.contraction)):
+    yield from _state(march.state, stepper, "")
+    state = march.state
+    if state.heat is not None and stepper.beside is not None:
+        yield from _state(state.heat.state, stepper.beside, "heat.")
+        if not (_count(state.heat.rounds) and math.isfinite(state.heat.contraction)):
             yield "the iterations of its heat are not numbers"
-    if (moment.heat is None) != (stepper.beside is None):
+    if (state.heat is None) != (stepper.beside is None):
         yield "it has heat where the evolution has none, or none where it has"
-    if moment.shown is not None:
-        yield from _array("shown.multiplier", moment.shown.multiplier, moment.multiplier.shape)
-        if not math.isfinite(moment.shown.time):
-            yield f"its forces belong to the time {moment.shown.time:g}"
-    if moment.history is not None:
-        yield from _history(moment.history, moment, stepper)
-    yield from _array("origin", state.origin, moment.body.displacement.shape)
-    if not (stepping.knows(state.pace) and moment.time + state.pace.step > moment.time):
-        yield f"its step, {state.pace.step:g}, does not belong to this step control"
+    if state.shown is not None:
+        yield from _array("shown.multiplier", state.shown.multiplier, state.multiplier.shape)
+        if not math.isfinite(state.shown.time):
+            yield f"its forces belong to the time {state.shown.time:g}"
+    if state.history is not None:
+        yield from _history(state.history, state, stepper)
+    yield from _array("origin", march.origin, state.body.displacement.shape)
+    if not (stepping.knows(march.pace) and state.time + march.pace.step > state.time):
+        yield f"its step, {march.pace.step:g}, does not belong to this step control"
     for name in ("largest", "farthest"):
-        if not 0.0 <= getattr(state, name) < math.inf:
-            yield f"{name} is {getattr(state, name):g}"
-    if not (math.isnan(state.bound) or state.bound >= 0.0):
-        yield f"its bound of the error in time is {state.bound:g}"
-    offered, stride = state.frame_place
+        if not 0.0 <= getattr(march, name) < math.inf:
+            yield f"{name} is {getattr(march, name):g}"
+    if not (math.isnan(march.bound) or march.bound >= 0.0):
+        yield f"its bound of the error in time is {march.bound:g}"
+    offered, stride = march.frame_place
     if not (_count(offered) and _count(stride) and stride):
         yield "its frame counters are not whole numbers"
-    if not all(isinstance(name, str) and math.isfinite(time) for time, name in state.events):
+    if not all(isinstance(name, str) and math.isfinite(time) for time, name in march.events):
         yield "its events are not times and names"
-    if not all(isinstance(message, str) for message in state.messages):
+    if not all(isinstance(message, str) for message in march.messages):
         yield "its messages are not texts"
-    yield from _rows(state.rows, stepper, moment, columns)
-    yield from _frames(state.frames, {row.time for row in state.rows}, stepper, moment)
+    yield from _rows(march.rows, stepper, state, columns)
+    yield from _frames(march.frames, {row.time for row in march.rows}, stepper, state)
 
 
-def _moment(moment: TimeState, stepper: TimeStepper, where: str) -> Iterator[str]:
+def _state(state: TimeState, stepper: TimeStepper, where: str) -> Iterator[str]:
     """What is wrong with the state of a body, or of its heat."""
     discrete, evolution = stepper.discrete, stepper.discrete.evolution
     acting = stepper.data.at(evolution.start)
     whole, local = (discrete.unknowns + len(discrete.moved),), acting.offset.shape
-    yield from _motion(f"{where}body", moment.body, whole)
-    yield from _motion(f"{where}local", moment.local, local)
-    yield from _array(f"{where}multiplier", moment.multiplier, local)
-    if not (math.isfinite(moment.time) and moment.time >= evolution.start):
-        yield f"its time is {moment.time:g}"
-    if not _count(moment.index):
-        yield f"it has {moment.index!r} steps"
-    if len(moment.branches) != len(discrete.branches):
-        yield f"it has {len(moment.branches)} branches of the material, not {len(discrete.branches)}"
-    for k, branch in enumerate(moment.branches):
+    yield from _motion(f"{where}body", state.body, whole)
+    yield from _motion(f"{where}local", state.local, local)
+    yield from _array(f"{where}multiplier", state.multiplier, local)
+    if not (math.isfinite(state.time) and state.time >= evolution.start):
+        yield f"its time is {state.time:g}"
+    if not _count(state.index):
+        yield f"it has {state.index!r} steps"
+    if len(state.branches) != len(discrete.branches):
+        yield f"it has {len(state.branches)} branches of the material, not {len(discrete.branches)}"
+    for k, branch in enumerate(state.branches):
         yield from _array(f"{where}branch.{k}", branch, whole)
-    if moment.control is not None:
+    if state.control is not None:
         for name in ("slid", "pressed"):
-            yield from _array(f"{where}control.{name}", getattr(moment.control, name), local)
-        numbers = (getattr(moment.control, name) for name in ("factor", "pace", "largest", "carried", "moved", "spent"))
-        if not (all(map(math.isfinite, numbers)) and 0.0 <= moment.control.step < math.inf):
+            yield from _array(f"{where}control.{name}", getattr(state.control, name), local)
+        numbers = (getattr(state.control, name) for name in ("factor", "pace", "largest", "carried", "moved", "spent"))
+        if not (all(map(math.isfinite, numbers)) and 0.0 <= state.control.step < math.inf):
             yield "what its control of the load remembers is not finite"
-    yield from _memory(moment.memory, initial_memory(discrete, acting.law, np.zeros(local)))
+    yield from _memory(state.memory, initial_memory(discrete, acting.law, np.zeros(local)))
 
 
-def _history(last: LastStep, moment: TimeState, stepper: TimeStepper) -> Iterator[str]:
+def _history(last: LastStep, state: TimeState, stepper: TimeStepper) -> Iterator[str]:
     """What is wrong with what is known of the last step."""
     if last.force is not None:
         yield from _array("history.force", last.force, (stepper.discrete.unknowns,))
-    yield from _array("history.multiplier", last.multiplier, moment.multiplier.shape)
+    yield from _array("history.multiplier", last.multiplier, state.multiplier.shape)
     if not 0.0 < last.step < math.inf:
         yield f"the step before it is {last.step:g}"
     for name, rates, shape in (
-        ("body", last.body, moment.body.velocity.shape), ("local", last.local, moment.multiplier.shape)
+        ("body", last.body, state.body.velocity.shape), ("local", last.local, state.multiplier.shape)
     ):  # fmt: skip
         if (rates is None) == stepper.scheme.multistep:
             yield "it lacks the rates of the last step, or has them where the scheme asks for none"
@@ -271,9 +271,9 @@ def _memory(found: Mapping[str, Mapping[str, Array]], first: Mapping[str, Mappin
             yield from _array(f"{name} of {boundary}", found[boundary][name], np.shape(values))
 
 
-def _rows(rows: Sequence[Row], stepper: TimeStepper, moment: TimeState, columns: Sequence[str]) -> Iterator[str]:
+def _rows(rows: Sequence[Row], stepper: TimeStepper, state: TimeState, columns: Sequence[str]) -> Iterator[str]:
     times = [row.time for row in rows]
-    if not rows or times[0] != stepper.discrete.evolution.start or times[-1] != moment.time:
+    if not rows or times[0] != stepper.discrete.evolution.start or times[-1] != state.time:
         yield "its table does not begin and end with the evolution"
     if not all(first < second for first, second in itertools.pairwise(times)):
         yield "the times of its table do not increase"
@@ -281,11 +281,11 @@ def _rows(rows: Sequence[Row], stepper: TimeStepper, moment: TimeState, columns:
         yield "its table has other columns"
 
 
-def _frames(frames: Sequence[Frame], times: set[float], stepper: TimeStepper, moment: TimeState) -> Iterator[str]:
+def _frames(frames: Sequence[Frame], times: set[float], stepper: TimeStepper, state: TimeState) -> Iterator[str]:
     if not frames:
         yield "it has no frames"
-    nodes, local = stepper.discrete.full(moment.body.displacement).shape, moment.local.displacement.shape
-    before, remembered = -math.inf, {name for states in moment.memory.values() for name in states}
+    nodes, local = stepper.discrete.full(state.body.displacement).shape, state.local.displacement.shape
+    before, remembered = -math.inf, {name for states in state.memory.values() for name in states}
     for frame in frames:
         if frame.time not in times or frame.time <= before:
             yield "the times of its frames are not in its table, or do not increase"
@@ -298,7 +298,7 @@ def _frames(frames: Sequence[Frame], times: set[float], stepper: TimeStepper, mo
             yield from _array(f"{name} of a frame", getattr(frame, name), local)
         if set(frame.memory) != remembered or any(values.shape[:1] != local[:1] for values in frame.memory.values()):
             yield "the contact points of a frame remember other quantities"
-        if (frame.temperature is None) != (moment.heat is None):
+        if (frame.temperature is None) != (state.heat is None):
             yield "a frame has a temperature where the evolution has none, or none where it has"
         if frame.temperature is not None:
             yield from _array("temperature of a frame", frame.temperature, nodes[:1])

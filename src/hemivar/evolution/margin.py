@@ -63,7 +63,7 @@ def crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
 class StepError:
     """An estimate of the local error of a step, and what it is held against."""
 
-    #: In the energy norm, and that of the moment.
+    #: In the energy norm, and that of the state.
     energy: float
     size: float
     #: At the contact points, and the largest displacement since the start.
@@ -81,7 +81,7 @@ def step_error(stepper: TimeStepper, taken: StepResult, origin: Array, after_kin
     ``origin`` is (n + k,).
     """
     discrete, step = stepper.discrete, taken.step
-    before, after = taken.before, taken.moment
+    before, after = taken.before, taken.state
     body, local = before.body, before.local
     guess, guess_local = body.displacement + step * body.velocity, local.displacement + step * local.velocity
     if stepper.scheme.order > 1:

@@ -19,7 +19,7 @@ from hemivar.evolution.digest import identity
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.history import Frame, History, Row
-from hemivar.evolution.initial import apply_impulse, initial_moment
+from hemivar.evolution.initial import apply_impulse, initial_state
 from hemivar.evolution.initial_equilibrium import (
     begun,
     longest_without_swing,
@@ -88,7 +88,7 @@ class StepEvent:
     row : Row
     frame : Frame or None
         If one was saved.
-    moment : TimeState
+    state : TimeState
     done : float
         Part of the whole time that is behind.
     happened : tuple of str
@@ -101,7 +101,7 @@ class StepEvent:
 
     row: Row
     frame: Frame | None
-    moment: TimeState
+    state: TimeState
     done: float
     happened: tuple[str, ...] = ()
     earlier: tuple[tuple[int, Frame], ...] = ()
@@ -185,7 +185,7 @@ class TimeLoop:
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
             given = self.stepping, plan.stops, plan.save, plan.events, plan.jump, plan.control
             self.identity = tools.identity(self.stepper, *given)
-        self.moment: TimeState
+        self.state: TimeState
         self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
         self.told = False
@@ -194,37 +194,37 @@ class TimeLoop:
     def begin(self) -> None:
         """The initial state, or that of the checkpoint."""
         kept = self.plan.checkpoint
-        state = None
+        march = None
         if self.plan.resume and isinstance(kept, Checkpoint):
-            state = kept.read(self.identity)
-            if state is not None:
-                self._refuse_misfit(kept, state)
-        if state is None:
+            march = kept.read(self.identity)
+            if march is not None:
+                self._refuse_misfit(kept, march)
+        if march is None:
             self.messages: list[str] = list(self.doubts)
-            self.moment = self._begun(initial_moment(self.stepper, self.step_size.step))
+            self.state = self._begun(initial_state(self.stepper, self.step_size.step))
             self.frames = Frames(self.plan.save, self.start)
-            self.frames.offer(self.discrete, self.moment)
+            self.frames.offer(self.discrete, self.state)
             self.rows = [self._row(None)]
             self.events: list[tuple[float, str]] = []
             self.largest = self.farthest = 0.0
-            self.origin = self.moment.body.displacement
+            self.origin = self.state.body.displacement
         else:
-            self.moment, self.step_size = state.moment, state.pace
-            self.largest, self.farthest, self.origin = state.largest, state.farthest, state.origin
-            self.frames = Frames(self.plan.save, self.start, state.frames, state.frame_place)
-            self.rows, self.events, self.messages = list(state.rows), list(state.events), list(state.messages)
-            self.bound.square, self.bound.straight = state.bound, state.straight
-            if self.moment.time > self.plan.until:
+            self.state, self.step_size = march.state, march.pace
+            self.largest, self.farthest, self.origin = march.largest, march.farthest, march.origin
+            self.frames = Frames(self.plan.save, self.start, march.frames, march.frame_place)
+            self.rows, self.events, self.messages = list(march.rows), list(march.events), list(march.messages)
+            self.bound.square, self.bound.straight = march.bound, march.straight
+            if self.state.time > self.plan.until:
                 self.beyond = (
-                    f"the checkpoint is at t = {self.moment.time:.10g}, beyond the end at {self.plan.until:.10g}: "
+                    f"the checkpoint is at t = {self.state.time:.10g}, beyond the end at {self.plan.until:.10g}: "
                     f"its content is returned; to end at the requested time, start without resume",
                 )
-        self.levels = self._levels(self.moment, self.rows[-1].margin)
+        self.levels = self._levels(self.state, self.rows[-1].margin)
 
-    def _refuse_misfit(self, kept: Checkpoint, state: MarchState) -> None:
+    def _refuse_misfit(self, kept: Checkpoint, march: MarchState) -> None:
         """Refuse what was read where it is no state of this evolution, on all processes."""
-        self.moment = initial_moment(self.stepper, self.step_size.step)
-        why = misfit(state, self.stepper, self.stepping, tuple(self._row(None).values))
+        self.state = initial_state(self.stepper, self.step_size.step)
+        why = misfit(march, self.stepper, self.stepping, tuple(self._row(None).values))
         (wrong,) = self.discrete.vectors.largest(float(bool(why)))
         if wrong:
             raise kept.unfit(why or "the part of another process makes no sense")
@@ -234,7 +234,7 @@ class TimeLoop:
 
         Without a step, the reason in the place of the events.
         """
-        goal = next(end for end in self.ends if end > self.moment.time)
+        goal = next(end for end in self.ends if end > self.state.time)
         begin = self._beginning(goal)
         if self.unsettled is not None:
             why = self.unsettled.status
@@ -251,7 +251,7 @@ class TimeLoop:
             and not self.stepper.stages.resists
             and self.margins.margin(tried.taken) <= 0.0
         ):
-            where = f"at t = {tried.taken.moment.time:g} a step may have several solutions"
+            where = f"at t = {tried.taken.state.time:g} a step may have several solutions"
             self.tell(f"{where}; the run stops before it, as requested")
             return None, ("margin lost",), True
         self._tell_of_misses(tried)
@@ -262,7 +262,7 @@ class TimeLoop:
 
     def _beginning(self, goal: float) -> TimeState:
         """The state that the next step begins with: another than the last where what acts may have a kink or jump."""
-        begin = self.moment
+        begin = self.state
         if begin.time not in self.ends and begin.index:
             return begin
         length, _ = self._fitted(begin.time, goal)
@@ -276,7 +276,7 @@ class TimeLoop:
         """The first of ever shorter steps that can be solved and is exact enough; else why there is none."""
         rejected: _Tried | None = None  # solved, but not as exact as was asked for
         while True:
-            length, reached = self._fitted(self.moment.time, goal)
+            length, reached = self._fitted(self.state.time, goal)
             taken = self.stepper.take(begin, length, reached, SelectionRule(self.plan.jump))
             if taken.status is Status.CONVERGED:
                 stands, tried = self._judged(taken)
@@ -325,7 +325,7 @@ class TimeLoop:
                 f"a step of {length:.3g} among others of {usual:.3g} is too short for the displacements to "
                 f"determine the forces; move the stop or the kink of a load that causes it"
             )
-        last = f"t = {self.moment.time:.10g}"
+        last = f"t = {self.state.time:.10g}"
         if taken.status is Status.NOT_CARRIED:
             self.tell(
                 f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on. The load may exceed "
@@ -343,23 +343,23 @@ class TimeLoop:
         if tried.unsolved:
             why, remedy = f"and those tried that are shorter, down to {tried.unsolved:.3g}, cannot be solved", "take"
         self.tell(
-            f"{_MISSED} first in the step to t = {tried.taken.moment.time:g}, {why}: its error is about {error:.2g} "
+            f"{_MISSED} first in the step to t = {tried.taken.state.time:g}, {why}: its error is about {error:.2g} "
             f"of the whole; {remedy} a larger rtol. Where a load or a support jumps, name its time as a stop, and take "
             "implicit-euler"
         )
 
-    def _begun(self, moment: TimeState) -> TimeState:
-        """The moment at the start: a body without mass is in equilibrium with what acts, and the balance begins so."""
+    def _begun(self, state: TimeState) -> TimeState:
+        """The initial state: a body without mass is in equilibrium with what acts, and the balance begins so."""
         if not self.yields:
-            return moment
-        now = self.stepper.data_from(moment).at(moment.time)
+            return state
+        now = self.stepper.data_from(state).at(state.time)
         try:
-            taken = self._yielded(moment, self.step_size.step, now, now)
+            taken = self._yielded(state, self.step_size.step, now, now)
         except OutOfTime:  # the march ends at its first step
-            return moment
+            return state
         if taken is None:
-            return moment
-        stated, found = moment.body.displacement, taken.moment.body.displacement
+            return state
+        stated, found = state.body.displacement, taken.state.body.displacement
         off, far = self.discrete.vectors.largest(
             float(np.abs(found - stated).max(initial=0.0)), float(np.abs(found).max(initial=0.0))
         ).tolist()
@@ -369,31 +369,31 @@ class TimeLoop:
                 "the nearest equilibrium,"
                 f" {off:.3g} away: leave it out, or give mass or viscosity"
             )
-        return begun(taken.moment)
+        return begun(taken.state)
 
-    def _settled(self, moment: TimeState, step: float) -> TimeState:
-        """A moment at which a load jumps, with a body without mass in the equilibrium that follows."""
-        data = self.stepper.data_from(moment)
-        if not (self.yields and data.jumps_at(moment.time)):
-            return moment
-        taken = self._yielded(moment, step, data.before(moment.time), data.after(moment.time))
-        return moment if taken is None else taken.moment
+    def _settled(self, state: TimeState, step: float) -> TimeState:
+        """A state at which a load jumps, with a body without mass in the equilibrium that follows."""
+        data = self.stepper.data_from(state)
+        if not (self.yields and data.jumps_at(state.time)):
+            return state
+        taken = self._yielded(state, step, data.before(state.time), data.after(state.time))
+        return state if taken is None else taken.state
 
-    def _yielded(self, moment: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
+    def _yielded(self, state: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
         """The equilibrium with what acts now; None, and no further step, if it is not found."""
-        taken = settled(self.stepper, moment, step, SelectionRule(self.plan.jump), start, now)
+        taken = settled(self.stepper, state, step, SelectionRule(self.plan.jump), start, now)
         if taken.status is not Status.CONVERGED:
             self.unsettled = taken
             if taken.status is not Status.INTERRUPTED:
                 self.tell(
-                    f"the equilibrium at t = {moment.time:.10g}, in which a body without mass starts or continues, "
+                    f"the equilibrium at t = {state.time:.10g}, in which a body without mass starts or continues, "
                     f"could not be computed: {taken.remedy}"
                 )
             return None
         taken, jumped = self._jumped(taken)
         if jumped:
             self._tell_of_jump(taken, self.margins.margin(taken))
-        if taken.jumps or taken.moment.ledger.jumps == moment.ledger.jumps:
+        if taken.jumps or taken.state.ledger.jumps == state.ledger.jumps:
             taken = ramped(self.discrete, taken, start, now)
         return taken
 
@@ -421,33 +421,33 @@ class TimeLoop:
         jump, depth = sunk_by_a_jump(self.stepper, taken)
         if jump and not self._told(_SINKS):
             self.tell(
-                f"{_SINKS} by {jump:.3g} in the step to t = {taken.moment.time:g} and penetrates up to {depth:.3g}, "
+                f"{_SINKS} by {jump:.3g} in the step to t = {taken.state.time:g} and penetrates up to {depth:.3g}, "
                 f"because {self.plan.scheme.name} acts on velocities; move the gap over some steps, or take "
                 "implicit-euler"
             )
-        healed = healing(self.discrete, taken.before, taken.moment)
+        healed = healing(self.discrete, taken.before, taken.state)
         if healed and not self._told(_HEALS):
             self.tell(
                 f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: beyond its strength it closes "
                 f"along its opening curve; leave memory = () out"
             )
         self.bound.add(taken)
-        self.moment = taken.moment
+        self.state = taken.state
         self.rows.append(self._row(taken, margin, jumped))
-        self.events += [(self.moment.time, name) for name in happened]
-        self.levels = self._levels(self.moment, margin)
-        last = self.moment.time >= self.plan.until
+        self.events += [(self.state.time, name) for name in happened]
+        self.levels = self._levels(self.state, margin)
+        last = self.state.time >= self.plan.until
         earlier = () if self.told else self._earlier()
         self.told = True
-        frame = self.frames.offer(self.discrete, self.moment, last=last or bool(happened))
-        done = (self.moment.time - self.start) / (self.plan.until - self.start)
-        return StepEvent(self.rows[-1], frame, self.moment, done, happened, earlier)
+        frame = self.frames.offer(self.discrete, self.state, last=last or bool(happened))
+        done = (self.state.time - self.start) / (self.plan.until - self.start)
+        return StepEvent(self.rows[-1], frame, self.state, done, happened, earlier)
 
     def _tell_of_jump(self, taken: StepResult, margin: float) -> None:
         """Say that the body jumped from one equilibrium to another."""
         if self._told("the body jumped"):
             return
-        when = taken.moment.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
+        when = taken.state.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
         self.tell(
             f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
             f"and no viscosity selects one; jump = '{self.plan.jump}' did"
@@ -474,23 +474,23 @@ class TimeLoop:
 
     def _jumped(self, taken: StepResult) -> tuple[StepResult, bool]:
         """Whether the body jumped; with what it lost, beside what a law that changed took from what was stored."""
-        known = taken.jumps or taken.moment.control is not None or SelectionRule(self.plan.jump).follows
+        known = taken.jumps or taken.state.control is not None or SelectionRule(self.plan.jump).follows
         if known or not crosses_energy_barrier(self.stepper, taken):
             return taken, bool(taken.jumps)
-        before, ledger = taken.before, taken.moment.ledger
+        before, ledger = taken.before, taken.state.ledger
         weakened = before.ledger.contact - energies(self.discrete, before, taken.stages[-1].law)["contact"]
         lost = max(ledger.numerical - before.ledger.numerical - weakened, 0.0)
         ledger = replace(ledger, numerical=ledger.numerical - lost, jumps=ledger.jumps + lost)
-        return replace(taken, moment=replace(taken.moment, ledger=ledger)), True
+        return replace(taken, state=replace(taken.state, ledger=ledger)), True
 
     def _earlier(self) -> tuple[tuple[int, Frame], ...]:
         numbers = {row.time: number for number, row in enumerate(self.rows)}
         return tuple((numbers[frame.time], frame) for frame in self.frames.kept)
 
-    def state(self) -> MarchState:
+    def march_state(self) -> MarchState:
         """What a checkpoint keeps."""
         return MarchState(
-            self.moment,
+            self.state,
             self.step_size,
             tuple(self.rows),
             tuple(self.frames.kept),
@@ -515,8 +515,8 @@ class TimeLoop:
 
     def history(self, ended: str, unkept: str) -> History:
         """What there is."""
-        if self.frames.kept[-1].time != self.moment.time:
-            self.frames.offer(self.discrete, self.moment, last=True)
+        if self.frames.kept[-1].time != self.state.time:
+            self.frames.offer(self.discrete, self.state, last=True)
         made = self._energy_made()
         ended = _MADE if made and ended == "finished" and not self._steps_are_equilibria else ended
         strained = large_deformation(self.discrete, self.frames.kept)
@@ -526,7 +526,7 @@ class TimeLoop:
             self.discrete,
             tuple(self.rows),
             tuple(self.frames.kept),
-            self.moment,
+            self.state,
             ended,
             tuple(self.events),
             (*strained, *self.messages, *made, *added, *self.beyond),
@@ -541,7 +541,7 @@ class TimeLoop:
 
     def _energy_made(self) -> tuple[str, ...]:
         """That the scheme made more than a part of the energy that was given, if so."""
-        rows, start = [row.values for row in self.rows], self.moment.ledger.start
+        rows, start = [row.values for row in self.rows], self.state.ledger.start
         made = -min(row["numerical"] + row["jumps"] for row in rows)
         given = abs(start) + max(abs(row["work"]) + abs(row["moved"]) + abs(row.get("thermal", 0.0)) for row in rows)
         if made <= _MOST_MADE * given:
@@ -560,8 +560,8 @@ class TimeLoop:
 
     # ---- events ----------------------------------------------------------------------------------------------
 
-    def _levels(self, moment: TimeState, margin: float) -> dict[int, float]:
-        return {k: event.level(self.discrete, moment, margin) for k, event in enumerate(self.plan.events)}
+    def _levels(self, state: TimeState, margin: float) -> dict[int, float]:
+        return {k: event.level(self.discrete, state, margin) for k, event in enumerate(self.plan.events)}
 
     def _located(self, taken: StepResult) -> tuple[StepResult, tuple[str, ...], bool]:
         """The step, ended where the first event happens."""
@@ -569,7 +569,7 @@ class TimeLoop:
             return taken, (), False
 
         def risen(trial: StepResult) -> list[int]:
-            levels = self._levels(trial.moment, self.margins.margin(trial))
+            levels = self._levels(trial.state, self.margins.margin(trial))
             return [k for k, level in levels.items() if level > 0.0 and not self.levels[k] > 0.0]
 
         if not risen(taken):
@@ -592,14 +592,14 @@ class TimeLoop:
     # ---- the table -------------------------------------------------------------------------------------------
 
     def _row(self, taken: StepResult | None, margin: float = math.nan, jumped: bool = False) -> Row:
-        moment = self.moment
-        values: dict[str, float] = contact_forces(self.discrete, moment)
-        for name, moved in self.probes(moment.body.displacement).items():
+        state = self.state
+        values: dict[str, float] = contact_forces(self.discrete, state)
+        for name, moved in self.probes(state.body.displacement).items():
             ends = ("u",) if moved.size == 1 else ("u_x", "u_y", "u_z")
             for end, value in zip(ends, moved, strict=False):
                 values[f"{name}.{end}"] = float(value)
-        values.update(moment.ledger.record())
-        values.update(self.stepper.extra_columns(moment))
+        values.update(state.ledger.record())
+        values.update(self.stepper.extra_columns(state))
         if self.stepping.estimates:
             for name, error in zip(_SUMMED, (0.0, 0.0) if taken is None else self.errors, strict=True):
                 values[name] = error if taken is None else self.rows[-1].values[name] + error
@@ -608,10 +608,10 @@ class TimeLoop:
         if any(isinstance(one, Contact) and one.friction.state_dependent for one in contacts):
             values["fallbacks"] = 0.0 if taken is None else float(sum(found.fallbacks for found in taken.solutions))
         if taken is None:
-            return Row(moment.time, 0.0, 0, 0.0, math.nan, math.nan, values)
+            return Row(state.time, 0.0, 0, 0.0, math.nan, math.nan, values)
         steps = sum(solution.steps for solution in taken.solutions)
         largest = self.margins.largest_step(taken)
-        return Row(moment.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
+        return Row(state.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
 
 
 def _added(summed: tuple[float, ...]) -> str:

@@ -102,12 +102,12 @@ def _closes(discrete: DiscreteEvolution, index: IntArray, before: TimeState, aft
 
 @dataclass(frozen=True)
 class Save:
-    """Which moments are kept, and what is measured at every step.
+    """Which states are kept, and what is measured at every step.
 
     Parameters
     ----------
     every : float, optional
-        Time between frames; frames are moments of the computation, the first at or after each multiple. By default as
+        Time between frames; frames are states of the computation, the first at or after each multiple. By default as
         many evenly spread ones as ``most``.
     most : int
         Frames that are kept where ``every`` is not given: when there are more, every second one goes.
@@ -150,7 +150,7 @@ class Frames:
         return self._count, self._stride
 
     def offer(self, discrete: DiscreteEvolution, state: TimeState, last: bool = False) -> Frame | None:
-        """Keep a moment if it is due; the frame, if so."""
+        """Keep a state if it is due; the frame, if so."""
         every = self.save.every
         if every is None:
             due = self._count % self._stride == 0
@@ -171,7 +171,7 @@ class Frames:
 
 
 def frame_of(discrete: DiscreteEvolution, state: TimeState) -> Frame:
-    """The body at a moment."""
+    """The body in a state."""
     memory: dict[str, Array] = {}
     m = state.multiplier.shape[0]
     index_of = dict(discrete.blocks)
@@ -190,7 +190,7 @@ def frame_of(discrete: DiscreteEvolution, state: TimeState) -> Frame:
         memory,
         None
         if discrete.heat is None or state.heat is None
-        else discrete.heat.temperature(state.heat.moment.body.displacement),
+        else discrete.heat.temperature(state.heat.state.body.displacement),
         state.time if state.control is None else state.control.factor,
     )
 

@@ -26,10 +26,10 @@ __all__ = [
     "Stage",
     "StageState",
     "allowed",
+    "discrete_stage",
     "extrapolated_multiplier",
     "momentum",
     "out_of_balance_force",
-    "posed_stage",
     "rounding_size",
     "stage_state",
     "stiffness_force",
@@ -152,7 +152,7 @@ def momentum(discrete: DiscreteEvolution, body: Kinematics) -> Array:
     return discrete.mass.times(body.velocity) if body.momentum is None else body.momentum
 
 
-def posed_stage(
+def discrete_stage(
     discrete: DiscreteEvolution,
     bodies: StepMatrices,
     before: TimeState,
@@ -204,7 +204,7 @@ def posed_stage(
     alone = discrete.vectors.alone and not before.multiplier.any()
     if alone and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
         force = np.zeros(n)  # nothing is left that a residual could be held against
-    problem = bodies.posed(operator.base, force, from_place, step_law.law, place)
+    problem = bodies.stage_problem(operator.base, force, from_place, step_law.law, place)
     still = end.offset is start.offset
     return Stage(operator, problem, before, place, offset, origin, step_law, at.load, still=still, held=held)
 

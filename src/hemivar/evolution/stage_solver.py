@@ -98,7 +98,7 @@ class JumpPaths:
     def follow(
         self, stage: Stage, convexity_defect: float, jump: SelectionRule, solver: Solver | None, controls: Controls
     ) -> StageSolution:
-        """The solution of a stage, at the end of the path from the moment before it."""
+        """The solution of a stage, at the end of the path from the state before it."""
         problem, before = stage.problem, stage.before
         system = self.workspace.condensed(problem)
         if system.free.size > _LARGEST:
@@ -266,8 +266,8 @@ class StageSolver:
         def found() -> float:
             if self.condenses(stage.problem):
                 return self.workspace.condensed(stage.problem, many=True).body.softening(*alphas)
-            posed = stage.problem if law is stage.problem.law else stage.problem.with_(law=law)
-            return smallness(posed, trace_constant=False, workspace=self.workspace).constant
+            frozen = stage.problem if law is stage.problem.law else stage.problem.with_(law=law)
+            return smallness(frozen, trace_constant=False, workspace=self.workspace).constant
 
         return stage.operator.constants.once(tuple(np.asarray(alpha).tobytes() for alpha in alphas), found)
 
@@ -374,7 +374,7 @@ class StageSolver:
             return near
         if not isinstance(stage.problem.bulk, Quadratic) or isinstance(self.solver, LoadStepping):
             return None
-        method = None if self.solver is None else self.solver.downhill()
+        method = None if self.solver is None else self.solver.local_descent()
         try:
             found = solve(stage.problem, method, controls, initial=start, workspace=self.workspace)
         except ProblemError:  # an energy without a lower bound may have a local minimum

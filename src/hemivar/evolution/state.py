@@ -24,7 +24,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies of a moment, and work and losses up to it.
+    """Energies of a state, and work and losses up to it.
 
     ``work + moved + thermal = (elastic + branches + contact + kinetic) - (the same at the start) + viscous +
     branch_loss + friction + damping + memory + numerical + jumps + gap``.
@@ -181,7 +181,7 @@ class TimeState(PickleMixin):
 
     @property
     def contact_force(self) -> ContactForce:
-        """Contact forces that are reported of this moment: those of its displacements, else the last that are known."""
+        """Contact forces that are reported of this state: those of its displacements, else the last that are known."""
         return ContactForce(self.time, self.multiplier) if self.shown is None else self.shown
 
     @property
@@ -197,7 +197,7 @@ class TimeState(PickleMixin):
 
 @dataclass(frozen=True)
 class HeatBalance:
-    """Heat in the body, and what came into it up to a moment.
+    """Heat in the body, and what came into it until then.
 
     ``content = content at the start + source + supports + contact + friction + deformation + gap``.
     """
@@ -234,7 +234,7 @@ class ThermalState(PickleMixin):
     """The heat of a body at one time."""
 
     #: Temperatures, of the evolution of heat alone.
-    moment: TimeState
+    state: TimeState
     book: HeatBalance
     #: How many times motion and heat were computed in the last step.
     rounds: int = 0

@@ -33,17 +33,17 @@ __all__ = ["SolvedStage", "end_of_step", "energies", "shown_force", "with_produc
 _ROUNDED = 1e-14
 
 
-def shown_force(discrete: DiscreteEvolution, end: ExternalData, moment: TimeState, stage: float) -> ContactForce:
+def shown_force(discrete: DiscreteEvolution, end: ExternalData, state: TimeState, stage: float) -> ContactForce:
     """Contact forces that are reported for the end of a step: those at the end where all laws are functions.
 
     The law of a rigid obstacle, of friction that sticks and of glue that breaks at once has a whole interval of forces
     at a displacement and its rate.  A force at the end is then known to nobody, and neither is one that depends on what
     points remember.
     """
-    many = float(bool(len(moment.multiplier)) and not _is_function(discrete, end))
+    many = float(bool(len(state.multiplier)) and not _is_function(discrete, end))
     if discrete.vectors.largest(many)[0]:
-        return ContactForce(stage, moment.multiplier)
-    return ContactForce(moment.time, _at_end(discrete, end, moment))
+        return ContactForce(stage, state.multiplier)
+    return ContactForce(state.time, _at_end(discrete, end, state))
 
 
 def _is_function(discrete: DiscreteEvolution, end: ExternalData) -> bool:
@@ -61,9 +61,9 @@ def _dampings(discrete: DiscreteEvolution, end: ExternalData) -> Iterator[tuple[
             yield index, end.damping[name].at(places(discrete, index))
 
 
-def _at_end(discrete: DiscreteEvolution, end: ExternalData, moment: TimeState) -> Array:
-    """Forces (m, c) of laws that are functions, at a moment."""
-    place, rate = moment.local.displacement.copy(), moment.local.velocity
+def _at_end(discrete: DiscreteEvolution, end: ExternalData, state: TimeState) -> Array:
+    """Forces (m, c) of laws that are functions, in a state."""
+    place, rate = state.local.displacement.copy(), state.local.velocity
     place[:, 1:] = np.where(discrete.follows_slip[:, None], place[:, 1:], rate[:, 1:])
     force = end.law.nearest_multiplier(place, np.zeros(place.shape))
     for index, damping in _dampings(discrete, end):

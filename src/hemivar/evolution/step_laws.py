@@ -247,13 +247,13 @@ def initial_memory(discrete: DiscreteEvolution, law: VectorLaw, local: Array) ->
     return found
 
 
-def seen_place(discrete: DiscreteEvolution, moment: TimeState) -> Array:
+def seen_place(discrete: DiscreteEvolution, state: TimeState) -> Array:
     """Local displacements (m, c) that laws see: less what has been worn off, or what a foundation has crept."""
-    place = moment.local.displacement
+    place = state.local.displacement
     for name, index in discrete.blocks:
-        if name in moment.memory:
-            place = place.copy() if place is moment.local.displacement else place
-            place[index] = MemoryChain(discrete.contacts[name].remembers).seen(moment.memory[name], place[index])
+        if name in state.memory:
+            place = place.copy() if place is state.local.displacement else place
+            place[index] = MemoryChain(discrete.contacts[name].remembers).seen(state.memory[name], place[index])
     return place
 
 

@@ -22,7 +22,7 @@ from hemivar.evolution.data_in_time import DataInTime, StatedData
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData, StepMatrices
 from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
-from hemivar.evolution.stage import Stage, StageState, posed_stage, rounding_size, stage_state
+from hemivar.evolution.stage import Stage, StageState, discrete_stage, rounding_size, stage_state
 from hemivar.evolution.stage_solver import StageSolver
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.step_end import SolvedStage, end_of_step, with_products
@@ -82,7 +82,7 @@ class StepResult:
     """A step that was taken."""
 
     before: TimeState
-    moment: TimeState
+    state: TimeState
     step: float
     solutions: tuple[Solution, ...]
     stages: tuple[Stage, ...]
@@ -221,7 +221,7 @@ class TimeStepper:
 
     def _balanced(self, taken: StepResult, solved: list[SolvedStage]) -> StepResult:
         """A step, not solved if its balance of energy does not close to what the residual allows."""
-        before, state, rtol = taken.before, taken.moment, self.controls.rtol
+        before, state, rtol = taken.before, taken.state, self.controls.rtol
         gap, work = (abs(getattr(state.ledger, name) - getattr(before.ledger, name)) for name in ("gap", "work"))
         least = max(rounding_of(state.ledger), rtol * work)  # no more than what is allowed
         if gap <= least or taken.status is not Status.CONVERGED or not self.discrete.vectors.alone:
@@ -299,7 +299,7 @@ class TimeStepper:
         for _ in range(_ROUNDS + discrete.breakable):
             check_time()
             law = stage_law(discrete, at, base, rule, operator.step, guess, multiplier, operator.laws)
-            stage = posed_stage(discrete, stages.bodies, base, operator, at, end, start, law)
+            stage = discrete_stage(discrete, stages.bodies, base, operator, at, end, start, law)
             size = stages.size(stage)
             found = stages.solution(stage, initial, jump, size)
             solution, local = found.solution, stage.local(found.solution)

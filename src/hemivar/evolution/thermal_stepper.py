@@ -12,7 +12,7 @@ from hemivar.basics.anderson import Anderson
 from hemivar.basics.types import Array
 from hemivar.evolution.data_in_time import ChangedData, DataInTime
 from hemivar.evolution.discrete import DiscreteEvolution, DiscreteHeat, ExternalData
-from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.initial import initial_state
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Midpoint, Scheme
 from hemivar.evolution.state import EnergyBalance, HeatBalance, ThermalState, TimeState
@@ -47,7 +47,7 @@ def stepper_of(
     if heat is None:
         return plain
     flow = TimeStepper.of(heat.conduction, ImplicitEuler() if scheme.order == 1 else Midpoint(), None, controls)
-    begun = initial_moment(flow)
+    begun = initial_state(flow)
     first = heat.temperature(begun.body.displacement)
     data = _under(heat, plain.data, _Course(discrete.evolution.start, 0.0, first, first))
     return ThermalStepper(discrete, scheme, plain.stages, plain.operators, data, heat, flow, begun, plain.data)
@@ -113,7 +113,7 @@ class ThermalStepper(TimeStepper):
 
     def _steady(self, state: TimeState) -> _Course:
         """The temperatures of a state, as they are."""
-        warm = self.begun if state.heat is None else state.heat.moment
+        warm = self.begun if state.heat is None else state.heat.state
         now = self.heat.temperature(warm.body.displacement)
         return _Course(state.time, 0.0, now, now)
 
@@ -125,14 +125,14 @@ class ThermalStepper(TimeStepper):
         self, before: TimeState, step: float, end_time: float | None = None, jump: SelectionRule = SelectionRule.LOCAL
     ) -> StepResult:
         assert before.heat is not None
-        heat, warm = self.heat, before.heat.moment
+        heat, warm = self.heat, before.heat.state
         reached = before.time + step if end_time is None else end_time
         known = heat.temperature(warm.body.displacement)
         last, ratio, mixing = 0.0, 0.0, Anderson()
         if heat.fed_back:
             guess = known + step * heat.conduction.full(warm.body.velocity)[:, 0] if before.index else known.copy()
         else:
-            guess = heat.temperature(self._flowed(before, None, step, reached).moment.body.displacement)
+            guess = heat.temperature(self._flowed(before, None, step, reached).state.body.displacement)
         for rounds in range(1, _ROUNDS + 1):
             course = _Course(before.time, reached - before.time, known, guess)
             taken = self.take_under(_under(heat, self.stated, course), before, step, reached, jump)
@@ -141,7 +141,7 @@ class ThermalStepper(TimeStepper):
             flowed = self._flowed(before, taken, step, reached)
             if flowed.status is not Status.CONVERGED:
                 return replace(taken, solutions=(*taken.solutions, *flowed.solutions))
-            found = heat.temperature(flowed.moment.body.displacement)
+            found = heat.temperature(flowed.state.body.displacement)
             change = found - guess
             size = float(np.abs(change).max(initial=0.0))
             strain = float(np.abs(found - heat.heat.stress_free).max(initial=0.0))
@@ -163,9 +163,7 @@ class ThermalStepper(TimeStepper):
         jump: SelectionRule = SelectionRule.LOCAL,
     ) -> StepResult:
         taken = super().at_once(before, span, start, now, jump)
-        return replace(
-            taken, moment=replace(taken.moment, ledger=self._split(taken, self._steady(before), before.time))
-        )
+        return replace(taken, state=replace(taken.state, ledger=self._split(taken, self._steady(before), before.time)))
 
     def _flowed(self, before: TimeState, taken: StepResult | None, step: float, reached: float) -> StepResult:
         """The step of heat, with what a step of the body gives it."""
@@ -174,7 +172,7 @@ class ThermalStepper(TimeStepper):
         if taken is not None:
             power += (self.heat.rubbed(self._rubbed(taken)) + self._deformed(taken)) / step
         data = _given(self.heat, self.flow.data, power, self._met(before, taken, step))
-        return self.flow.take_under(data, before.heat.moment, step, reached)
+        return self.flow.take_under(data, before.heat.state, step, reached)
 
     def _met(self, before: TimeState, taken: StepResult | None, step: float) -> tuple[Array, Array]:
         """Penetration and pressure (m,) at the stage of heat; pressures are known at the stages of the motion."""
@@ -182,20 +180,20 @@ class ThermalStepper(TimeStepper):
             return before.local.displacement[:, 0], before.multiplier[:, 0]
         (flow,) = self.flow.scheme.rules(step)
         part, at = flow.at, taken.stages[0].rule.at
-        way = taken.moment.local.displacement[:, 0] - before.local.displacement[:, 0]
-        change = taken.moment.multiplier[:, 0] - before.multiplier[:, 0]
+        way = taken.state.local.displacement[:, 0] - before.local.displacement[:, 0]
+        change = taken.state.multiplier[:, 0] - before.multiplier[:, 0]
         if part < 1.0:  # the last pressure is as much older than the step as its stage lies before the end
             change *= part + 1.0 - at if before.index else part / at
         return before.local.displacement[:, 0] + part * way, before.multiplier[:, 0] + change
 
     def _rubbed(self, taken: StepResult) -> Array:
         """Heat (m,) that friction makes in a step at each contact point: what the ledger books."""
-        slid = taken.moment.local.displacement - taken.before.local.displacement
+        slid = taken.state.local.displacement - taken.before.local.displacement
         weights = self.discrete.problem.contact.weights
-        return np.asarray(weights * (taken.moment.multiplier * slid)[:, 1:].sum(axis=1))
+        return np.asarray(weights * (taken.state.multiplier * slid)[:, 1:].sum(axis=1))
 
     def _deformed(self, taken: StepResult) -> Array:
-        return self.heat.deformed(taken.moment.body.displacement - taken.before.body.displacement)
+        return self.heat.deformed(taken.state.body.displacement - taken.before.body.displacement)
 
     def _accepted(
         self, before: TimeState, taken: StepResult, flowed: StepResult, step: float, course: _Course, rounds: int,
@@ -203,28 +201,28 @@ class ThermalStepper(TimeStepper):
     ) -> StepResult:  # fmt: skip
         assert before.heat is not None
         book = self._booked_heat(before.heat.book, taken, flowed, step)
-        moment = replace(
-            taken.moment,
+        state = replace(
+            taken.state,
             ledger=self._split(taken, course, before.time + taken.stages[0].rule.at * step),
-            heat=ThermalState(flowed.moment, book, rounds, ratio if math.isfinite(ratio) else 0.0),
+            heat=ThermalState(flowed.state, book, rounds, ratio if math.isfinite(ratio) else 0.0),
         )
-        return replace(taken, moment=moment, heat=flowed)
+        return replace(taken, state=state, heat=flowed)
 
     def _split(self, taken: StepResult, course: _Course, time: float) -> EnergyBalance:
         """The ledger of a step, the work of thermal stress at a time apart from that of loads."""
-        ledger, pulled = taken.moment.ledger, 0.0
+        ledger, pulled = taken.state.ledger, 0.0
         if self.heat.heat.stresses:
-            way = taken.moment.body.displacement - taken.before.body.displacement
+            way = taken.state.body.displacement - taken.before.body.displacement
             pulled = float(self.heat.load(course.at(time)) @ way)
         thermal = taken.before.ledger.thermal + pulled
         return replace(ledger, work=ledger.work - pulled, thermal=thermal).closed()
 
     # ---- the balance of heat ---------------------------------------------------------------------------------
 
-    def _content(self, moment: TimeState) -> float:
+    def _content(self, state: TimeState) -> float:
         conduction = self.heat.conduction
         assert conduction.viscosity is not None
-        return float(conduction.of_all @ conduction.viscosity.times(moment.body.displacement))
+        return float(conduction.of_all @ conduction.viscosity.times(state.body.displacement))
 
     def _booked_heat(self, old: HeatBalance, taken: StepResult, flowed: StepResult, step: float) -> HeatBalance:
         conduction, stage = self.heat.conduction, flowed.stages[0]
@@ -238,7 +236,7 @@ class ThermalStepper(TimeStepper):
         force = conduction.viscosity.times(rate) + conduction.stiffness.times(place) - stage.load
         out, crossing = self._given_off(solution.multiplier)
         return HeatBalance(
-            content=self._content(flowed.moment),
+            content=self._content(flowed.state),
             start=old.start,
             source=old.source + step * float(conduction.of_all @ stage.load) - given,
             supports=old.supports + step * (float(force[n:].sum()) - crossing),
@@ -262,15 +260,15 @@ class ThermalStepper(TimeStepper):
             return out, 0.0
         return out, float(conduction.of_all[: conduction.unknowns] @ contact.force(np.where(joint, flow, 0.0)))
 
-    def extra_columns(self, moment: TimeState) -> dict[str, float]:
-        warm = moment.heat
+    def extra_columns(self, state: TimeState) -> dict[str, float]:
+        warm = state.heat
         assert warm is not None
-        temperature = self.heat.temperature(warm.moment.body.displacement)
+        temperature = self.heat.temperature(warm.state.body.displacement)
         return {
             "temperature.least": float(temperature.min()),
             "temperature.greatest": float(temperature.max()),
             **warm.book.record(),
-            "thermal": moment.ledger.thermal,
+            "thermal": state.ledger.thermal,
             "rounds": float(warm.rounds),
             "contraction": warm.contraction,
         }

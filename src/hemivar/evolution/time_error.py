@@ -132,9 +132,9 @@ class TimeBound:
         n = discrete.unknowns
         stepper = self.stepper
         begin = stepper.data.after(taken.before.time).load
-        end = stepper.data.before(taken.moment.time).load
+        end = stepper.data.before(taken.state.time).load
         bent, bent_square = self._bent(taken, begin, end)
-        moved = (taken.moment.body.displacement - taken.before.body.displacement) / step
+        moved = (taken.state.body.displacement - taken.before.body.displacement) / step
         if self.norm == "stiffness":
             rest = (discrete.stiffness.times(moved) - (end - begin) / step)[:n]
             force = math.sqrt(step**3 / 3.0 * self._dual(rest)) + math.sqrt(step * bent_square)
@@ -145,7 +145,7 @@ class TimeBound:
         viscous, elastic = discrete.vectors.total(*energies).tolist()
         convexity = 1.0 - self._contraction
         q = convexity * 2.0 * step**2 * elastic
-        fell = self._energy(taken.before, end) - self._energy(taken.moment, end)
+        fell = self._energy(taken.before, end) - self._energy(taken.state, end)
         loads = 0.0 if begin is end else math.sqrt(self._dual((end - begin)[:n]))  # tau |df|
         # The best part for short steps: 1 - beta = tau |dU|_K / (sqrt(12 a) y).
         beta = 0.0
@@ -165,7 +165,7 @@ class TimeBound:
         discrete, start = self.stepper.discrete, taken.before.time
         mean = square = 0.0
         for part, weight in () if begin is end else _RULE:
-            load = self.stepper.data.at(start + part * (taken.moment.time - start)).load
+            load = self.stepper.data.at(start + part * (taken.state.time - start)).load
             gap = load - (1.0 - part) * begin - part * end
             sizes = (float(np.abs(one).max(initial=0.0)) for one in (gap, load, begin, end))
             off, *size = discrete.vectors.largest(*sizes).tolist()
@@ -182,7 +182,7 @@ class TimeBound:
         return max(float(square), 0.0)
 
     def _energy(self, state: TimeState, load: Array) -> float:
-        """E of a moment under a load."""
+        """E of a state under a load."""
         ledger = state.ledger
         (work,) = self.stepper.discrete.vectors.total(float(load @ state.body.displacement))
         return float(ledger.elastic + ledger.contact - work)

@@ -41,7 +41,7 @@ _AWAY = 100.0
 _FROZEN = 4
 _DIRECT = Accuracy(0.0, 0.0, 1)
 #: What goes downhill where a bound is held, and to which tolerance.
-_SEARCH, _HELD = NonsmoothNewton().downhill(), Controls(rtol=1e-6)
+_SEARCH, _HELD = NonsmoothNewton().local_descent(), Controls(rtol=1e-6)
 
 
 @dataclass(frozen=True, eq=False)

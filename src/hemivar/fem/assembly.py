@@ -16,7 +16,7 @@ from hemivar.fem.constitutive import ConstitutiveLaw, elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.fem.rings import hoop_matrices, ring_length
+from hemivar.fem.rings import hoop_matrices
 from hemivar.kernels.mesh_sums import BlockGraph
 from hemivar.mechanics.conditions import (
     DataField,
@@ -25,6 +25,7 @@ from hemivar.mechanics.conditions import (
     Traction,
     VectorData,
 )
+from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -210,7 +211,7 @@ def load_vector(
     tractions: Mapping[str, Traction] | None = None,
     components: int | None = None,
     names: tuple[str, str] = ("body_force", "tractions"),
-    ring: bool = False,
+    body: BodyKinematics | None = None,
 ) -> Array:
     """Load vector ``F'v = int b . v + int_boundary t . v`` of fields of c components.
 
@@ -231,40 +232,38 @@ def load_vector(
         return lambda points, facet: -DataField(value, f"tractions['{name}']").at(points)[:, None] * normals[facet]
 
     stated = {name: on(name, traction) for name, traction in (tractions or {}).items()}
-    return integrated_load(mesh, order, components, density(body_force, names[0]), stated, ring)
+    return integrated_load(mesh, order, components, density(body_force, names[0]), stated, body)
 
 
 def stated_load(problem: ContactProblem) -> Array:
     """The load vector of a statement, shape (nodes * c,)."""
     loads, names = (problem.body_force, problem.tractions), problem.load_names
-    return load_vector(problem.mesh, problem.order, *loads, problem.components, names, problem.material.axisymmetric)
+    return load_vector(problem.mesh, problem.order, *loads, problem.components, names, problem.kinematics)
 
 
 def integrated_load(
-    mesh: Mesh, order: int, components: int, body: Density, boundaries: Mapping[str, Density], ring: bool = False
+    mesh: Mesh,
+    order: int,
+    components: int,
+    inside: Density,
+    boundaries: Mapping[str, Density],
+    body: BodyKinematics | None = None,
 ) -> Array:
     """Integrals of densities times the shape functions of each component, shape (nodes * c,)."""
-    around = _on_rings if ring else _as_it_is
     load = np.zeros((mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0), components))
-    _add_load(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, around(body))
+    _add_load(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, _measured(inside, body))
     for name, density in sorted(boundaries.items()):  # in whatever order they are stated: the same sum
         facets = mesh.boundaries[name]
-        measures = mesh.facet_normals(facets)[1]
-        _add_load(load, mesh.points, facets, mesh.facet_nodes(facets, order), measures, order, 5, around(density))
+        nodes, measures = mesh.facet_nodes(facets, order), mesh.facet_normals(facets)[1]
+        _add_load(load, mesh.points, facets, nodes, measures, order, 5, _measured(density, body))
     return load.ravel()
 
 
-def _as_it_is(density: Density) -> Density:
-    return density
-
-
-def _on_rings(density: Density) -> Density:
-    """A density times the length of the ring through each place."""
-    if not callable(density):
-        if not np.any(density):
-            return density
-        return lambda points, _: ring_length(points)[:, None] * density
-    return lambda points, number: ring_length(points)[:, None] * density(points, number)
+def _measured(density: Density, body: BodyKinematics | None) -> Density:
+    """A density times the measure of a body."""
+    if body is None or not body.ring or (not callable(density) and not np.any(density)):
+        return density
+    return body.over(density if callable(density) else lambda points, _: np.tile(density, (len(points), 1)))
 
 
 def _add_load(

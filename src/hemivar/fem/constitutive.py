@@ -10,9 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.elements import voigt_index
 from hemivar.fem.quadrature import at_quadrature_points
-from hemivar.fem.rings import Hoop, ring_length
+from hemivar.fem.rings import Hoop
+from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -43,7 +43,7 @@ class EnergyDensity(Protocol):
 class EnergyLaw:
     """A stored energy of the strains of fields of c components, which need not be quadratic."""
 
-    strains: IntArray  # (c, d): as in :class:`ConstitutiveLaw`
+    strains: IntArray  # (c, d): as in :class:`BodyKinematics`
     density: EnergyDensity
     homogeneous: bool  # whether W is the same everywhere
     uniform: bool  # whether W is the same all over each cell
@@ -51,18 +51,14 @@ class EnergyLaw:
     @staticmethod
     def of(material: Material, dim: int) -> EnergyLaw:
         """That of a material in d dimensions."""
-        return EnergyLaw(_strains(material, dim), material, material.homogeneous, material.uniform)
+        return EnergyLaw(BodyKinematics.of(material, dim).rows, material, material.homogeneous, material.uniform)
 
 
 @dataclass(frozen=True, eq=False)
 class ConstitutiveLaw:
-    """A linear law between the strains and the stresses of fields of c components.
+    """A linear law between strains and stresses of fields of c components, of a body of revolution of whole rings."""
 
-    Strain s is the sum of the derivatives ``du_i/dx_k`` with ``strains[i, k] == s``: Voigt's strains of a displacement
-    (shear counts twice), and the gradient of one component.
-    """
-
-    strains: IntArray  # (c, d)
+    strains: IntArray  # (c, d): as in :class:`BodyKinematics`
     matrices: Callable[[Array, Mapping[str, BoolArray] | None], Array]
     homogeneous: bool  # whether the matrices are the same everywhere
     hoop: Hoop | None = field(default=None, kw_only=True)
@@ -78,31 +74,13 @@ class ConstitutiveLaw:
             return self.matrices(mesh.points[:1], None)[None], np.ones(1)
         return at_quadrature_points(mesh, degree, self.matrices, cells, vertices)
 
-    def strain(self, gradient: Array) -> Array:
-        """Strains (k, v) of gradients (k, c, d)."""
-        strain = np.zeros((len(gradient), int(self.strains.max()) + 1))
-        for (i, k), row in np.ndenumerate(self.strains):
-            strain[:, row] += gradient[:, i, k]
-        return strain
-
-
-def _strains(material: Material, dim: int) -> IntArray:
-    """The strain to which each derivative of each component belongs."""
-    return np.arange(dim)[None] if material.scalar else voigt_index(dim)
-
 
 def elastic(material: Material, dim: int) -> ConstitutiveLaw:
     """The elasticity of a material in d dimensions."""
-    if not material.axisymmetric:
-        return ConstitutiveLaw(_strains(material, dim), material.stiffness_tensor, material.homogeneous)
-
-    def matrices(points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
-        return ring_length(points)[:, None, None] * material.stiffness_tensor(points, regions)
-
-    def hoop(points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
-        return ring_length(points)[:, None] * material.hoop_row(points, regions)
-
-    return ConstitutiveLaw(_strains(material, dim), matrices, False, hoop=hoop)
+    own = BodyKinematics.of(material, dim)
+    hoop = own.over(material.hoop_row) if own.ring else None
+    homogeneous = material.homogeneous and not own.ring
+    return ConstitutiveLaw(own.rows, own.over(material.stiffness_tensor), homogeneous, hoop=hoop)
 
 
 def constitutive_law(problem: ContactProblem) -> ConstitutiveLaw:
@@ -112,10 +90,11 @@ def constitutive_law(problem: ContactProblem) -> ConstitutiveLaw:
 
 def viscous(material: Material, dim: int) -> ConstitutiveLaw:
     """The viscosity of a material in d dimensions."""
-    return ConstitutiveLaw(_strains(material, dim), material.viscosity_tensor, material.homogeneous_in(True))
+    rows = BodyKinematics.of(material, dim).rows
+    return ConstitutiveLaw(rows, material.viscosity_tensor, material.homogeneous_in(True))
 
 
 def relaxing(material: Material, number: int, dim: int) -> ConstitutiveLaw:
     """The springs of the branches of one of the relaxation times of a material in d dimensions."""
-    matrices = partial(material.branch_tensor, number)
-    return ConstitutiveLaw(_strains(material, dim), matrices, material.homogeneous_in(False, (number,)))
+    rows, matrices = BodyKinematics.of(material, dim).rows, partial(material.branch_tensor, number)
+    return ConstitutiveLaw(rows, matrices, material.homogeneous_in(False, (number,)))

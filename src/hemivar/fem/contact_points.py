@@ -19,7 +19,7 @@ from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.rings import facet_shares, weightless
 from hemivar.fem.sharp_corners import handed_on
-from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, on_axis, sum_by, unit
+from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
@@ -97,9 +97,9 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     share = shares(order, dim)
     if problem.quadrature is Quadrature.NODAL:
         nodes, place, normal = _nodal_normals(problem, name, facets, supports)
-        parts = facet_shares(mesh, facets, order, problem.material.axisymmetric)
+        parts = facet_shares(mesh, facets, order, problem.kinematics.ring)
         weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
-        seen = ~weightless(mesh, facets, order, problem.material.axisymmetric)[nodes]
+        seen = ~weightless(mesh, facets, order, problem.kinematics.ring)[nodes]
         if not seen.any():
             raise ProblemError(
                 f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
@@ -205,9 +205,9 @@ def _nodal_normals(
     nodes, place = np.unique(members.ravel(), return_inverse=True)
     place, counted = place.ravel(), np.broadcast_to(measures[:, None] * share, members.shape).ravel()
     summed = sum_by(place, np.repeat(normals, members.shape[1], axis=0) * counted[:, None], len(nodes))
-    if problem.material.axisymmetric:  # on the axis the other half of the section is the mirror image
-        middle = on_axis(supports.nodes)[nodes] & (np.abs(summed[:, 1]) > np.abs(summed[:, 0]))
-        summed[middle, 0] = 0.0
+    # on the axis of a body of revolution the other half of the section is the mirror image
+    middle = problem.kinematics.on_axis(supports.nodes)[nodes] & (np.abs(summed[:, 1]) > np.abs(summed[:, 0]))
+    summed[middle, 0] = 0.0
     fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=counted)
     if fold.any():
         bad = int(nodes[np.flatnonzero(fold)[0]])
@@ -235,7 +235,7 @@ def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> t
     given_up = np.flatnonzero(pieces.touches & away.all(axis=1))
     pieces = replace(pieces, lost=np.union1d(pieces.lost, given_up))
     without = away | held[mesh.facet_nodes(mesh.boundaries[slave], order)]
-    found = mortar(mesh, order, pieces, without, problem.material.axisymmetric)
+    found = mortar(mesh, order, pieces, without, problem.kinematics.ring)
     if not found.nodes.size:
         raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
     return found, normal[np.searchsorted(nodes, found.nodes)]

@@ -47,7 +47,7 @@ from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.lift import lifted
 from hemivar.fem.locking import locking_warning
-from hemivar.fem.mass import bedding_share, body_blocks, per_volume
+from hemivar.fem.mass import bedding_share, body_blocks, stated_bedding
 from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
@@ -139,7 +139,7 @@ def _discretize(
     one = problem.components == 1
     field = Field(
         mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift, constants=one,
-        ring=problem.material.axisymmetric,
+        ring=problem.kinematics.ring,
     )  # fmt: skip
     contact, offset, law, energy = conditions.contact()
     if problem.material.linear:
@@ -226,7 +226,7 @@ def _nonlinear(problem: ContactProblem, integral: EnergyIntegral) -> _DiscreteBo
 
 
 def _bedded(problem: ContactProblem, blocks: EdgeBlocks) -> float:
-    bedding = per_volume(problem.bedding, "bedding", problem.material.axisymmetric)
+    bedding = stated_bedding(problem)
     diagonal = np.einsum("ncc->nc", blocks.diagonal)
     return bedding_share(problem.mesh, problem.order, bedding, diagonal)
 

@@ -10,13 +10,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["barycentric_gradients", "scaled_gradients", "shape_derivatives", "shape_values", "voigt_index"]
-
-
-def voigt_index(dim: int) -> IntArray:
-    """Row of the elasticity matrix that belongs to a pair of indices, shape (d, d)."""
-    table = [[0, 2], [2, 1]] if dim == 2 else [[0, 5, 4], [5, 1, 3], [4, 3, 2]]
-    return np.array(table)
+__all__ = ["barycentric_gradients", "scaled_gradients", "shape_derivatives", "shape_values"]
 
 
 def barycentric_gradients(mesh: Mesh, cells: slice | IntArray = slice(None)) -> Array:

@@ -15,7 +15,7 @@ from hemivar.fem.assembly import portions, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
-from hemivar.fem.mass import mass_blocks, per_volume
+from hemivar.fem.mass import mass_blocks, stated_bedding
 from hemivar.fem.mortar_basis import JumpUnknowns
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
 from hemivar.fem.unknowns import matrix_of
@@ -159,7 +159,7 @@ class BeddedEnergy(PickleMixin):
 
 def bedded_energy(problem: ContactProblem) -> BeddedEnergy:
     """The energy of nodal values, with that of a bedding."""
-    mesh, bedding = problem.mesh, per_volume(problem.bedding, "bedding")
+    mesh, bedding = problem.mesh, stated_bedding(problem)
     nodal = NodalEnergy(mesh, problem.order, EnergyLaw.of(problem.material, mesh.dim))
     empty = nodal.graph.zeros(problem.components)
     return BeddedEnergy(nodal, None if bedding.none else mass_blocks(mesh, bedding, nodal.graph, empty))

@@ -10,10 +10,8 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
-from hemivar.fem.rings import ring_length
 from hemivar.formula import Formula
 from hemivar.formula.reader import TIME
 from hemivar.mechanics.material import Material
@@ -122,9 +120,8 @@ def error_norms(problem: ContactProblem, values: Array, known: KnownField | None
             gradient = gradient - known.gradients(places)
             off = off - known.values(places)
         density = energy_density(problem, places, gradient, masks)
-        volumes = weight * mesh.volumes
-        if problem.material.axisymmetric:
-            volumes = volumes * ring_length(places)
+        volumes = weight * mesh.volumes * problem.kinematics.measure(places)
+        if problem.kinematics.ring:
             density = density + _around(problem, places, gradient, off, masks)
         energy += float(volumes @ density)
         square += float(volumes @ np.einsum("mc,mc->m", off, off))
@@ -134,7 +131,7 @@ def error_norms(problem: ContactProblem, values: Array, known: KnownField | None
 def energy_density(problem: ContactProblem, places: Array, gradient: Array, masks: Mapping[str, BoolArray]) -> Array:
     """``eps : C eps`` or ``A g . g`` of gradients (k, components, d) at places (k, d), shape (k,); see
     :class:`ErrorNorms` for C of a material that is not linear."""
-    strain = constitutive_law(problem).strain(gradient)
+    strain = problem.kinematics.strain(gradient)
     return np.asarray(np.einsum("mi,mij,mj->m", strain, _tensor(problem.material, places, masks), strain))
 
 
@@ -142,8 +139,8 @@ def _around(
     problem: ContactProblem, places: Array, gradient: Array, off: Array, masks: Mapping[str, BoolArray]
 ) -> Array:
     """What the strain around the axis of a body of revolution adds to ``eps : C eps``, shape (k,)."""
-    row, hoop = problem.material.hoop_row(places, masks), off[:, 0] / places[:, 0]
-    plane = np.einsum("mi,mi->m", row[:, :-1], constitutive_law(problem).strain(gradient))
+    row, hoop = problem.material.hoop_row(places, masks), problem.kinematics.hoop_strain(places, off, gradient)
+    plane = np.einsum("mi,mi->m", row[:, :-1], problem.kinematics.strain(gradient))
     return np.asarray(hoop * (2.0 * plane + row[:, -1] * hoop))
 
 

@@ -11,7 +11,7 @@ from hemivar.basics.arguments import described
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem.elements import barycentric_gradients, scaled_gradients, shape_derivatives, voigt_index
+from hemivar.fem.elements import barycentric_gradients, scaled_gradients, shape_derivatives
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.rings import hoop_strain
 from hemivar.mechanics.statement import ContactProblem, expect_body
@@ -71,35 +71,26 @@ def stress(source: ContactProblem, displacement: Array) -> Array:
     """
     expect_body(source, "what the stress is taken of", "it needs the material: pass the ContactProblem")
     found = _stress_rows(source, displacement)
-    return np.asarray(found[:, voigt_index(source.mesh.dim)])
+    return np.asarray(found[:, source.kinematics.rows])
 
 
 def _stress_rows(source: ContactProblem, displacement: Array) -> Array:
     """The same in the order of the elasticity matrix, shape (M, v)."""
-    eps = strain(source, displacement)
-    mesh, index = source.mesh, voigt_index(source.mesh.dim)
-    doubled = np.zeros((int(index.max()) + 1, len(eps)))
-    for (i, j), row in np.ndenumerate(index):
-        doubled[row] += eps[:, i, j]
-    places, masks = _centroids(mesh), region_masks(mesh)
-    found: Array = source.material.stress(places, doubled.T, masks)
-    if source.material.axisymmetric:
-        found = found + source.material.hoop_row(places, masks)[:, :3] * _around(source, displacement)[:, None]
-    return found
-
-
-def _around(source: FieldSource, displacement: Array) -> Array:
-    """The strain around the axis in the middle of each cell."""
-    return hoop_strain(source.mesh, source.order, displacement, np.full(3, 1.0 / 3.0))
+    points, masks = _centroids(source.mesh), region_masks(source.mesh)
+    rows = source.material.stress(points, source.kinematics.strain(strain(source, displacement)), masks)
+    if not source.kinematics.ring:
+        return rows
+    around = hoop_strain(source.mesh, source.order, displacement)
+    return np.asarray(rows + source.material.hoop_row(points, masks)[:, :3] * around[:, None])
 
 
 def out_of_plane_stress(source: ContactProblem, displacement: Array) -> Array:
     """The stress across the plane in the middle of each cell, of axial symmetry that around the axis; shape (M,)."""
     points, masks = _centroids(source.mesh), region_masks(source.mesh)
     across = source.material.out_of_plane_stress(points, strain(source, displacement), masks)
-    if not source.material.axisymmetric:
+    if not source.kinematics.ring:
         return across
-    return across + source.material.hoop_row(points, masks)[:, 3] * _around(source, displacement)
+    return across + source.material.hoop_row(points, masks)[:, 3] * hoop_strain(source.mesh, source.order, displacement)
 
 
 def von_mises(source: ContactProblem, displacement: Array) -> Array:

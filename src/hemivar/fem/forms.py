@@ -320,7 +320,7 @@ class FormProblem(PickleMixin):
                 )
         if self.time_dependent:
             raise ProblemError(f"{', '.join(sorted(self.time_dependent))} depend on time; give it to hemivar.Evolution")
-        return self._posed(None)
+        return self._discrete(None)
 
     def starting(self, time: float) -> DiscreteProblem:
         """The elastic body at a time, for a march.
@@ -330,7 +330,7 @@ class FormProblem(PickleMixin):
         ProblemError
             The unknowns are no displacements of nodes.
         """
-        found = self._posed(time)
+        found = self._discrete(time)
         if found.field is None or found.field.partial:
             raise ProblemError(
                 "a body in time needs its displacement at nodes; take Lagrange elements of order 1 or 2, without a "
@@ -344,7 +344,7 @@ class FormProblem(PickleMixin):
         assert field is not None
         return field.nodes, field.components
 
-    def _posed(self, time: float | None) -> DiscreteProblem:
+    def _discrete(self, time: float | None) -> DiscreteProblem:
         body, matrix, free = self.body, self.body._matrix, self.body.free
         values = body._values if time is None else body._prescribed(time)[1]
         contact, offset, law, energy = self._contact_at(time, values)

@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 from hemivar.discrete.free_motion import refuse_free_motion
 from hemivar.errors import SupportError
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.fem.discretize import discretize
 from hemivar.fem.load_line import LoadLine
-from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["growing"]
@@ -17,12 +17,12 @@ __all__ = ["growing"]
 _SMALL = 1e-6
 
 
-def growing(problem: Posable, function: str, constant: Collection[str] = ()) -> LoadLine:
+def growing(problem: ProblemLike, function: str, constant: Collection[str] = ()) -> LoadLine:
     """The load that grows to that of a problem; a body that only a smaller load leaves in its place is let pass."""
     if not isinstance(problem, ContactProblem):
-        return LoadLine.to(posed(problem, function), constant)
+        return LoadLine.to(as_discrete(problem, function), constant)
     try:
-        return LoadLine.to(posed(problem, function), constant)
+        return LoadLine.to(as_discrete(problem, function), constant)
     except SupportError:
         line = LoadLine.to(discretize(problem, check_coercivity=False), constant)
         refuse_free_motion(line.at(_SMALL))

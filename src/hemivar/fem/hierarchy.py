@@ -58,7 +58,7 @@ class Coarser:
     shift: Array | None = None
     interpolation: sp.csr_array | None = None
 
-    def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
+    def on_coarse_mesh(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
         return self.problem.under(
             self.prolongation.T @ _stated_load(finer) - _initial_forces(self.problem),
@@ -143,7 +143,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     prolongation.eliminate_zeros()
     found = _shared_points(problem.contact, coarse.contact, interpolation)
     step = Coarser(coarse, prolongation, field, found, pairs, interpolation=interpolation)
-    return replace(step, problem=step.posed(problem))
+    return replace(step, problem=step.on_coarse_mesh(problem))
 
 
 def _pairs(problem: DiscreteProblem, interpolation: sp.csr_array, nodal: sp.csr_array) -> dict[str, BoundaryContact]:
@@ -190,7 +190,7 @@ def _coarser_tangent(problem: DiscreteProblem, tangent: Tangent) -> Coarser | No
     coarse = tangent_problem(step.problem, step.restrict(tangent.unknowns))
     assert problem.field is not None
     step = replace(step, problem=coarse, field=problem.field)
-    return replace(step, problem=step.posed(problem))
+    return replace(step, problem=step.on_coarse_mesh(problem))
 
 
 def _coarser_stressed(problem: DiscreteProblem, parts: Stressed) -> Coarser | None:
@@ -199,7 +199,7 @@ def _coarser_stressed(problem: DiscreteProblem, parts: Stressed) -> Coarser | No
     if step is None:
         return None
     step = replace(step, problem=stressed_problem(step.problem, step.restrict(parts.unknowns)))
-    return replace(step, problem=step.posed(problem))
+    return replace(step, problem=step.on_coarse_mesh(problem))
 
 
 def tangent_problem(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
@@ -229,7 +229,7 @@ def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | 
     shared = _nodes_of_both(step.interpolation)
     coarse = step.problem.fitted(parts.of(family, shared).model(problem.model.resisted))
     step = replace(step, problem=coarse, field=problem.field)
-    return replace(step, problem=step.posed(problem))
+    return replace(step, problem=step.on_coarse_mesh(problem))
 
 
 def _coarser_family(family: OperatorFamily) -> tuple[Coarser, OperatorFamily] | None:

@@ -16,12 +16,13 @@ from hemivar.fem.constitutive import elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
-from hemivar.fem.rings import ring_length
 from hemivar.mechanics.conditions import ScalarData
 from hemivar.mechanics.gradient_material import GradientMaterial
+from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.per_volume import Regional, at_place, constant_of
 from hemivar.mechanics.single_material import SingleMaterial
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.stored_energy import refuse_nonlinear
 from hemivar.mesh.mesh import Mesh
 
@@ -34,6 +35,7 @@ __all__ = [
     "mass_blocks",
     "mass_matrix",
     "per_volume",
+    "stated_bedding",
 ]
 
 
@@ -49,17 +51,19 @@ class MassDensity:
         """Whether there is nothing at all."""
         return self.constant == 0.0
 
-
-def per_volume(value: Regional, name: str, ring: bool = False) -> MassDensity:
-    """A number, a function of the place, or either by region; of a ``ring`` times its length."""
-    stated = MassDensity(partial(at_place, value, name), constant_of(value))
-    return _on_rings(stated) if ring else stated
+    def over(self, body: BodyKinematics) -> MassDensity:
+        """The same times the measure of a body."""
+        return self if self.none or not body.ring else MassDensity(body.over(self.at), None)
 
 
-def _on_rings(density: MassDensity) -> MassDensity:
-    if density.none:
-        return density
-    return MassDensity(lambda points, regions: ring_length(points) * density.at(points, regions), None)
+def per_volume(value: Regional, name: str) -> MassDensity:
+    """A number, a function of the place, or either by region."""
+    return MassDensity(partial(at_place, value, name), constant_of(value))
+
+
+def stated_bedding(problem: ContactProblem) -> MassDensity:
+    """The bedding of a body."""
+    return per_volume(problem.bedding, "bedding").over(problem.kinematics)
 
 
 def inertia(material: Material) -> MassDensity:
@@ -73,8 +77,9 @@ def inertia(material: Material) -> MassDensity:
         return density
 
     stated = material.density if isinstance(material, SingleMaterial | GradientMaterial) else None
-    found = MassDensity(at, None if stated is None else constant_of(stated))
-    return _on_rings(found) if material.axisymmetric else found
+    return MassDensity(at, None if stated is None else constant_of(stated)).over(
+        BodyKinematics.of(material, 2)
+    )  # rings are of the plane
 
 
 def cell_masses(mesh: Mesh, order: int, density: MassDensity, cells: slice | IntArray = slice(None)) -> Array:
@@ -127,7 +132,7 @@ def body_blocks(mesh: Mesh, material: Material, bedding: ScalarData, graph: Node
     refuse_nonlinear(material)
     graph = node_graph(mesh, 1) if graph is None else graph
     blocks = stiffness_blocks(mesh, elastic(material, mesh.dim), graph)
-    resisting = per_volume(bedding, "bedding", material.axisymmetric)
+    resisting = per_volume(bedding, "bedding").over(BodyKinematics.of(material, mesh.dim))
     return blocks if resisting.none else mass_blocks(mesh, resisting, graph, blocks)
 
 

@@ -14,7 +14,7 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.constitutive import EnergyLaw, constitutive_law
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.energy_integral import NodalEnergy
-from hemivar.fem.mass import cell_masses, per_volume
+from hemivar.fem.mass import cell_masses, stated_bedding
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import hoop_matrices
 from hemivar.fem.stress_stiffness import nodal_stiffness
@@ -104,7 +104,7 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
     That of a bedding is counted."""
     mesh, order = problem.mesh, problem.order
     forces = _of_material(problem, displacement, cells)
-    bedding = per_volume(problem.bedding, "bedding", problem.material.axisymmetric)
+    bedding = stated_bedding(problem)
     if not bedding.none:
         nodes = mesh.cell_nodes(order)[cells]
         own = cell_masses(mesh, order, bedding, cells) @ displacement[nodes]
@@ -125,7 +125,7 @@ def _of_material(problem: ContactProblem, displacement: Array, cells: IntArray) 
     forces: Array = np.zeros(values.shape)
     for q, (place, weight) in enumerate(zip(barycentric, weights, strict=True)):
         shapes = np.einsum("la,kad->kld", shape_derivatives(order, place), gradients)
-        strain = law.strain(np.einsum("kld,klc->kcd", shapes, values))
+        strain = problem.kinematics.strain(np.einsum("kld,klc->kcd", shapes, values))
         stress = (matrices[:, min(q, matrices.shape[1] - 1)] @ strain[:, :, None])[:, :, 0]
         forces += np.einsum("k,kcd,kld->klc", weight * volumes, stress[:, law.strains], shapes)
     if law.hoop is not None:

@@ -12,7 +12,7 @@ from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Hoop", "facet_shares", "hoop_matrices", "hoop_strain", "ring_length", "weightless"]
+__all__ = ["Hoop", "facet_shares", "hoop_matrices", "hoop_strain", "weightless"]
 
 #: Share of a weight in that of facets at the largest radius that is rounding.
 _NONE = 1e-9
@@ -21,15 +21,11 @@ _NONE = 1e-9
 Hoop = Callable[[Array, Mapping[str, BoolArray] | None], Array]
 
 
-def ring_length(points: Array) -> Array:
-    """Lengths ``2 pi r`` of the rings through points (k, 2), shape (k,)."""
-    return np.asarray(2.0 * np.pi * points[:, 0])
-
-
-def hoop_strain(mesh: Mesh, order: int, displacement: Array, place: Array) -> Array:
-    """``u_r / r`` at the same barycentric point (3,), inside of the cells, of all; shape (M,)."""
-    inside = displacement[mesh.cell_nodes(order), 0] @ shape_values(order, place[None])[0]
-    return np.asarray(inside / (mesh.points[mesh.cells, 0] @ place))
+def hoop_strain(mesh: Mesh, order: int, displacement: Array) -> Array:
+    """``u_r / r`` in the middle of each cell, shape (M,)."""
+    middle = np.full(3, 1.0 / 3.0)
+    inside = displacement[mesh.cell_nodes(order), 0] @ shape_values(order, middle[None])[0]
+    return np.asarray(inside / (mesh.points[mesh.cells, 0] @ middle))
 
 
 def hoop_matrices(mesh: Mesh, order: int, hoop: Hoop, strains: IntArray, cells: slice | IntArray) -> Array:

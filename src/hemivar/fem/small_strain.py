@@ -144,9 +144,8 @@ def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:
             strain, rotation = max(strain, float(stretched.max())), max(rotation, float(turned.max()))
             beyond |= (stretched >= SMALL) | (turned >= SMALL)
         volume += float(mesh.volumes[cells][beyond].sum())
-    if isinstance(source, ContactProblem) and source.material.axisymmetric:
-        around = hoop_strain(mesh, order, displacement, np.full(3, 1.0 / 3.0))
-        strain = max(strain, float(np.abs(around).max()))
+    if isinstance(source, ContactProblem) and source.kinematics.ring:
+        strain = max(strain, float(np.abs(hoop_strain(mesh, order, displacement)).max()))
     return Deformation(strain, rotation, volume, float(mesh.volumes.sum()))
 
 

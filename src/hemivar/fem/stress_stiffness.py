@@ -23,7 +23,7 @@ from hemivar.fem.assembly import portions, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
 from hemivar.fem.energy_integral import NodalEnergy, _not_by_points
 from hemivar.fem.fields import gradients_by
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.statement import ContactProblem, beyond_stiffening
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -164,9 +164,7 @@ def stiffened_by(problem: DiscreteProblem, displacement: Array) -> float:
     component.
     """
     stated = problem.origin
-    if stated is None or stated.kind or stated.stiffening or problem.model.parts is not None:
-        return 0.0
-    if stated.material.axisymmetric or not stated.material.linear:
+    if stated is None or stated.stiffening or problem.model.parts is not None or beyond_stiffening(stated):
         return 0.0
     geometric, stored = problem.vectors.total(*works_of_stress(stated, displacement, turned=True)).tolist()
     return abs(geometric) / stored if stored > 0.0 and np.isfinite(geometric) else 0.0

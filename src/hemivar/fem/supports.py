@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import SupportError
 from hemivar.mechanics.conditions import (
     Clamped,
@@ -18,14 +18,12 @@ from hemivar.mechanics.conditions import (
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["DEPENDENT", "SHARP", "Supports", "in_words", "movable", "on_axis", "stated_supports", "sum_by", "unit"]
+__all__ = ["DEPENDENT", "SHARP", "Supports", "in_words", "movable", "stated_supports", "sum_by", "unit"]
 
 #: Part of a unit vector below which it depends on others.
 DEPENDENT = 1e-8
 #: Cosine of the angle from which facets or boundaries meet sharply.
 SHARP = np.cos(np.pi / 4)
-#: Share of the largest radius below which a node of a half section lies on the axis.
-_ON_AXIS = 1e-9
 
 
 class Supports:
@@ -83,15 +81,10 @@ def stated_supports(problem: ContactProblem) -> Supports:
     supports = Supports(problem.mesh.nodes(problem.order), problem.components)
     for name, support in problem.supports.items():
         _impose(supports, problem.mesh, problem.order, name, support)
-    if problem.material.axisymmetric:
-        middle = np.flatnonzero(on_axis(supports.nodes))
+    middle = np.flatnonzero(problem.kinematics.on_axis(supports.nodes))
+    if middle.size:
         supports.fix("the axis", middle, np.broadcast_to([1.0, 0.0], (len(middle), 2)), np.zeros(len(middle)))
     return supports
-
-
-def on_axis(nodes: Array) -> BoolArray:
-    """Which nodes (k, 2) of a half section lie on the axis of the body of revolution, shape (k,)."""
-    return np.asarray(nodes[:, 0] <= _ON_AXIS * nodes[:, 0].max())
 
 
 def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support | ScalarData) -> None:

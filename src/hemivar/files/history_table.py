@@ -274,7 +274,7 @@ def history_record(history: History) -> Record:
     record = {
         "hemivar": version(),
         "ended": history.ended,
-        "time": history.moment.time,
+        "time": history.state.time,
         "steps": len(history.rows) - 1,
         "solver_steps": int(history["solver_steps"].sum()),
         "margin": history.margin,

@@ -81,7 +81,7 @@ def write_vtu(
     area also where nodes of the mesh differ. Cell data: ``gradient``
     and ``flux`` in the middle of each cell.
 
-    Of a moment of an evolution the stress is the elastic one, ``velocity`` and ``rate`` (of the contact points, global
+    Of a state of an evolution the stress is the elastic one, ``velocity`` and ``rate`` (of the contact points, global
     vectors) join the point data, and so does what contact points remember, by its name; slip follows the
     rate.  Of a body with heat there are ``temperature`` at the points and ``thermal_stress`` in the cells, the rows of
     a matrix (d, d) that the whole stress is smaller by.

@@ -98,8 +98,8 @@ class Experiment:
         constants = np.empty((len(problems), len(goals)))
         for number, problem in enumerate(shared):
             check_time()
-            posed = system.for_problem(problem)
-            at = posed.unknowns(zero), _multiplier(posed, zero)
+            loaded = system.for_problem(problem)
+            at = loaded.unknowns(zero), _multiplier(loaded, zero)
             constants[number] = [one(*at) for one in measure[number]]
         linear = np.empty((len(goals), *zero.shape))
         base = system.unknowns(zero), _multiplier(system, zero)
@@ -121,9 +121,9 @@ class Experiment:
         """
         found: list[Solution] = []
         for problem in self.problems:
-            posed = problem.with_(law=law)
+            loaded = problem.with_(law=law)
             before = found[-1] if found else None
-            found.append(solve(posed, None, self.controls, initial=before, workspace=self.workspace))
+            found.append(solve(loaded, None, self.controls, initial=before, workspace=self.workspace))
             check_interrupt(found[-1].status)
             check_time()
         return found

@@ -17,7 +17,7 @@ from hemivar.basics.stated import Form
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.files.changes import Change
 from hemivar.files.problem_file import parse_problem_file, read_text
 from hemivar.identification.experiment import Experiment
@@ -32,7 +32,7 @@ from hemivar.workflows.events import Phase, Work
 __all__ = ["identify", "identifying", "parameters_of_law"]
 
 #: A problem file, or a function of the values of parameters and inputs by their names.
-Model: TypeAlias = "str | Path | Callable[[Mapping[str, float]], Posable]"
+Model: TypeAlias = "str | Path | Callable[[Mapping[str, float]], ProblemLike]"
 
 #: Tables of a problem file whose keys a column may set.
 _SET_BY_COLUMNS = ("loads", "supports", "contact")
@@ -130,7 +130,7 @@ def identifying(
     rows = [{**first, **measured.row(number)} for number in range(measured.count)]
     try:
         with limited(budget):
-            experiment = Experiment.of([_posed(state, row) for row in rows], tuple(measured.measured), controls)
+            experiment = Experiment.of([_discrete(state, row) for row in rows], tuple(measured.measured), controls)
     except OutOfTime:
         raise ProblemError(
             f"the time limit of {budget.limit:g} s was over before the rows of the curve were stated; give more time"
@@ -210,10 +210,10 @@ def _range_of(key: str, ends: object) -> tuple[float, float]:
 
 def _statement(
     problem: Model, changes: Sequence[Change], inputs: Iterable[str], code: Sequence[str]
-) -> Callable[[Mapping[str, float]], Posable]:
+) -> Callable[[Mapping[str, float]], ProblemLike]:
     if callable(problem):
         takes = "let it take a dict of values by name and return a problem"
-        return lambda values: cast(Posable, answer(problem, (values,), "identify", takes))
+        return lambda values: cast(ProblemLike, answer(problem, (values,), "identify", takes))
     if not isinstance(problem, str | Path):
         raise ProblemError(
             f"identify: the problem is {described(problem)}; give the path of a problem file, or a function"
@@ -226,23 +226,23 @@ def _statement(
                 f"{' or '.join(f'[{table}]' for table in _SET_BY_COLUMNS)}, or leave it out"
             )
 
-    def state(values: Mapping[str, float]) -> Posable:
+    def state(values: Mapping[str, float]) -> ProblemLike:
         given = [*changes, *(Change(key, value) for key, value in values.items())]
         return parse_problem_file(text, folder, name, changes=given, code=code).problem
 
     return state
 
 
-def _posed(state: Callable[[Mapping[str, float]], Posable], values: Mapping[str, float]) -> DiscreteProblem:
+def _discrete(state: Callable[[Mapping[str, float]], ProblemLike], values: Mapping[str, float]) -> DiscreteProblem:
     check_time()
-    return posed(state(values), "identify")
+    return as_discrete(state(values), "identify")
 
 
-def _law_on(problem: DiscreteProblem, stated: Posable) -> VectorLaw:
+def _law_on(problem: DiscreteProblem, stated: ProblemLike) -> VectorLaw:
     """The law of a statement at the contact points of a problem, which has the same body."""
     contact = problem.contact
     if not isinstance(stated, ContactProblem) or contact.points is None or (np.diff(contact.boundary) < 0).any():
-        return posed(stated, "identify").law
+        return as_discrete(stated, "identify").law
     groups = []
     for number, name in enumerate(contact.names):
         points = contact.points[contact.boundary == number]

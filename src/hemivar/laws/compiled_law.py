@@ -68,7 +68,7 @@ class LaidOut:
 def lay_out(law: Superpotential) -> LaidOut | None:
     """The numbers of a law with resolved parameters; None where the kernels do not know it."""
     formula, rows = law.known_formula, law.rows
-    if law.searched or law.by_differences or not rows or not (law.straight or formula):
+    if law.searched or not rows or not (law.straight or formula):
         return None
     domain, (left, right), knots = law.domain, law.knot_slopes(), law.knots
     alpha = np.inf if law.alpha_sampled and not law.convex else law.weak_convexity

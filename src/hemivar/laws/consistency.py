@@ -14,7 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["Samples", "check_consistency", "check_own"]
+__all__ = ["REMEDY", "Samples", "check_consistency", "check_own"]
 
 #: Parts of a cell that is looked at more closely, and cells with the largest rise that may hold a jump.
 _FINER, _MOST = 64, 12
@@ -147,7 +147,7 @@ class Samples:
 #: Knots next to which a value may rise ever more steeply.
 _MOST_KNOTS = 40
 
-_REMEDY = "correct the functions, or leave one of them out"
+REMEDY = "correct the functions, or leave one of them out"
 
 _SEEN: WeakSet[Superpotential] = WeakSet()
 
@@ -172,18 +172,21 @@ def check_own(law: Superpotential) -> None:
         _SEEN.add(law)
 
 
-def check_consistency(law: Superpotential, reach: float, alpha: float | None = None, remedy: str = _REMEDY) -> None:
+def check_consistency(
+    law: Superpotential, reach: float, alpha: float | None = None, remedies: tuple[str, str] = (REMEDY, REMEDY)
+) -> None:
     """Refuse a law of one contact point whose value, derivative and curvature do not belong to each other.
 
-    Places up to ``reach`` are tried, and ``alpha`` as the user states it; messages name the place.
+    Places up to ``reach`` are tried, and ``alpha`` as the user states it; messages name the place.  ``remedies`` are
+    for a wrong derivative and for a wrong curvature.
     """
     with np.errstate(all="ignore"):
         look = _QuickLook(law, reach, f" of law '{law.name}'")
         questions = (
             (look.slopes, ""),
             (look.kinks, ""),
-            (look.derivative, f"; {_REMEDY}"),
-            (look.curvature, f"; {remedy}"),
+            (look.derivative, f"; {remedies[0]}"),
+            (look.curvature, f"; {remedies[1]}"),
             (look.zero, ""),
             (lambda: None if alpha is None else look.falls_within(alpha), ""),
         )

@@ -18,7 +18,7 @@ from hemivar.laws.crossings import Crossings, crossings, length_places, level_pl
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
-from hemivar.laws.scalar_graph import downhill, is_continuous, nearest_knot, one_sided, radial_sides, steepest
+from hemivar.laws.scalar_graph import is_continuous, local_minimiser, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, lengths, polar, spread
@@ -155,8 +155,6 @@ class ContactLaw(NormalAndFriction):
         if self._compiled is not None:
             return self._compiled.graph_distance(r, lam, tau)
         normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
-        if self.by_differences:
-            normal = normal + self.derivative_error(r)
         if r.shape[1] == 1:
             return normal
         size, direction = polar(r[:, 1:])
@@ -352,17 +350,17 @@ class ContactLaw(NormalAndFriction):
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         out = np.empty(r.shape)
-        out[:, 0] = downhill(self.normal, a[:, 0], b[:, 0], r[:, 0])
+        out[:, 0] = local_minimiser(self.normal, a[:, 0], b[:, 0], r[:, 0])
         if r.shape[1] == 2:
-            out[:, 1] = downhill(self.tangential, a[:, 1], b[:, 1], r[:, 1])
+            out[:, 1] = local_minimiser(self.tangential, a[:, 1], b[:, 1], r[:, 1])
         elif r.shape[1] > 2:
             # Turning the slip into the direction of the force lowers the energy; what is left is radial.
             (size, towards), (old, own) = polar(b[:, 1:]), polar(r[:, 1:])
             own[:, 0] = np.where(old > 0.0, own[:, 0], 1.0)
             heading = np.where(size[:, None] > 0.0, towards, own)
-            out[:, 1:] = np.maximum(downhill(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
+            out[:, 1:] = np.maximum(local_minimiser(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
         return out
 
     def snap_to_kinks(self, r: Array, near: float) -> Array:

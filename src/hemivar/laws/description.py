@@ -73,8 +73,6 @@ class LawDescription:
         Whether alpha is not proved for every r, or c0 and c1 were found by sampling; otherwise they hold for every r.
     alpha_reach : float
         |r| up to which alpha is proved: inf where it holds for every r, 0 where it is sampled.
-    derivative_accuracy : float
-        What the derivative is off by, at most, where it is found by differences: an estimate at samples; 0 elsewhere.
     falls_far_out : bool
         Whether the derivative falls without bound far out, so that no alpha holds for every r.
     """
@@ -94,7 +92,6 @@ class LawDescription:
     growth_sampled: bool
     alpha_reach: float = math.inf
     falls_far_out: bool = False
-    derivative_accuracy: float = 0.0
 
     @property
     def constants_sampled(self) -> bool:
@@ -126,10 +123,6 @@ class LawDescription:
             alpha = f"alpha = {self.alpha:.6g}{sampled}"
         if self.falls_far_out and math.isfinite(self.alpha):
             alpha += "; the derivative falls without bound far out"
-        off = (
-            f"derivative by differences, within the reach with an error of about {self.derivative_accuracy:.1e} at most"
-        )
-        by_differences = (off,) if self.derivative_accuracy > 0.0 else ()
         growth = (
             f"|dj(r)| <= {self.c0:.6g} + {self.c1:.6g} |r|{' (sampled)' if self.growth_sampled else ''}"
             if math.isfinite(self.c0) and math.isfinite(self.c1)
@@ -152,7 +145,6 @@ class LawDescription:
             *(str(kink) for kink in self.kinks),
             f"class: {self.law_class}",
             alpha,
-            *by_differences,
             growth,
             f"growth rate of j: {self.recession[0]:.6g} towards -inf, {self.recession[1]:.6g} towards +inf; {coercive}",
         )
@@ -211,7 +203,6 @@ def describe(law: Superpotential, point: int = 0) -> LawDescription:
         growth_sampled=law.growth_sampled,
         alpha_reach=law.alpha_reach,
         falls_far_out=_falls_far_out(law, alpha),
-        derivative_accuracy=law.derivative_accuracy,
     )
 
 

@@ -156,16 +156,6 @@ class NormalAndFriction(Glue):
     # ---- what is known of the parts ---------------------------------------------------------------------
 
     @property
-    def by_differences(self) -> bool:
-        return self.normal.by_differences or self.friction.profile.by_differences
-
-    def derivative_error(self, r: Array) -> Array:
-        normal = np.broadcast_to(self.normal.derivative_error(r[:, 0]), r.shape[:1])
-        if r.shape[1] == 1 or not self.friction.profile.by_differences:
-            return normal
-        return np.hypot(normal, self.friction.radial.derivative_error(lengths(r[:, 1:])))
-
-    @property
     def alpha_is_one(self) -> bool:
         return not self.state_dependent or self.friction.profile.convex
 

@@ -178,13 +178,6 @@ class RescaledLaw(ResolvedLaw):
         slope, bend = self.base.piece_line(piece, self._argument(r))
         return self._times(slope), self._times(self.theta * bend if self.moved else bend)
 
-    def derivative_error(self, r: Array) -> Array:
-        return self._times(self.base.derivative_error(self._argument(r)))
-
-    @property
-    def derivative_accuracy(self) -> float:
-        return float(self.factor.max()) * self.base.derivative_accuracy
-
     def slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
         left, right = self.base.slopes_at(knot)
         return _sides(self.factor, left), _sides(self.factor, right)

@@ -14,9 +14,9 @@ from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
 __all__ = [
-    "downhill",
     "is_continuous",
     "is_straight",
+    "local_minimiser",
     "nearest_knot",
     "one_sided",
     "part_of",
@@ -79,7 +79,7 @@ def _one_sided_slopes(law: Superpotential, r: Array) -> tuple[Array, Array]:
     return np.where(r <= bound.lower, -np.inf, left), np.where(r >= bound.upper, np.inf, right)
 
 
-def downhill(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
+def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     """The local minimiser of ``a/2 r^2 - b r + j(r)`` that is reached from ``r (m,)`` downhill."""
     points, energies = law.local_minimisers(a, b)
     left, right = _one_sided_slopes(law, r)

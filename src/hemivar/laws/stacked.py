@@ -70,9 +70,6 @@ class StackedLaw(Superpotential):
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return self._on_piece("piece_curvature", piece, r)
 
-    def derivative_error(self, r: Array) -> Array:
-        return self._ask("derivative_error", r)
-
     def recession(self, sign: Array) -> Array:
         return self._ask("recession", sign)
 

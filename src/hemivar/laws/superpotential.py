@@ -209,20 +209,6 @@ class Superpotential(PickleMixin, ABC):
         """The derivative j' on a piece as text, for a law with parameters of one contact point; may be empty."""
         return ""
 
-    @property
-    def by_differences(self) -> bool:
-        """Whether the derivative, or that of a law in it, is found by differences."""
-        return any(law.by_differences for law in self.made_of)
-
-    @property
-    def derivative_accuracy(self) -> float:
-        """The largest :meth:`derivative_error` at samples within the reach of a law in it."""
-        return max((law.derivative_accuracy for law in self.made_of), default=0.0)
-
-    def derivative_error(self, r: Array) -> Array:
-        """What the derivative at each ``r`` may be off by, an estimate where it is found by differences; else 0."""
-        return np.zeros(np.shape(r))
-
     # ---- many knots, alike at every point: they are searched, not gone through -----------------------------
 
     @property

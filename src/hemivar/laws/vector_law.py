@@ -18,7 +18,7 @@ from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "spread"]
 
-#: Steps downhill at most, and the part of a displacement that is rounding.
+#: Steps of a local minimiser at most, and the part of a displacement that is rounding.
 _STEPS, _SAME = 400, 1e-15
 
 
@@ -402,15 +402,6 @@ class VectorLaw(PickleMixin, ABC):
         return False
 
     @property
-    def by_differences(self) -> bool:
-        """Whether a derivative is found by differences, so that :meth:`derivative_error` is not 0."""
-        return False
-
-    def derivative_error(self, r: Array) -> Array:
-        """What the multiplier of the law at ``r (m, c)`` may be off by, (m,): residuals include it."""
-        return np.zeros(len(r))
-
-    @property
     def follows_state(self) -> bool:
         """Whether Newton's equation can contain how a bound depends on the state."""
         return False
@@ -447,7 +438,7 @@ class VectorLaw(PickleMixin, ABC):
 
     # ---- where a pair lies ------------------------------------------------------------------------------
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         """The local minimiser of the problem of :meth:`local_argmin` that is reached from ``r (m, c)`` downhill.
 
         By steps that are held back so much that each has one minimiser.

@@ -191,7 +191,7 @@ class Questions:
         return (
             ("local_argmin is the global minimiser", self.argmin),
             ("prox is the global minimiser", self.prox),
-            ("downhill leads to a stationary point that is not higher", self.downhill),
+            ("local_minimiser is a stationary point that is not higher", self.local_minimiser),
             ("prox_jacobian is the derivative of prox", self.jacobian),
             ("the nearest multiplier is an element", self.nearest),
             *_graph_steps(lambda: self._chart),
@@ -316,9 +316,9 @@ class Questions:
         i = int(np.argmax(np.where(wrong, off, 0.0)))
         return f"for a = {self.a[i]}, b = {self.b[i]} it gives r = {r[i]}, which is {off[i]:.3g} off the graph"
 
-    def downhill(self) -> str | None:
+    def local_minimiser(self) -> str | None:
         start = self.r[:_PROBLEMS]
-        end = self.law.downhill(self.a, self.b, start)
+        end = self.law.local_minimiser(self.a, self.b, start)
         if not (self._energy(end) <= self._energy(start) + 1e-12 * self.slope * self.reach).all():
             return "the energy rises"
         return self._off_graph(end)

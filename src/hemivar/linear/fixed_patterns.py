@@ -4,7 +4,8 @@ With R the prolongation at the contact unknowns, I what their rows are times the
 held, K the matrix between them and S what is added there, the coarse matrix changes by ``-(R'X + X'R)``, where
 ``X = D I - (D K D + S) R / 2``. So does any coarser one, with the prolongations down to it in the place of that to the
 first: R and I of each level are found once, and only rows of X that are not zero cost anything. These products have
-patterns that no solve changes, so that the compiled kernels fill them in.
+patterns that no solve changes, so that the compiled kernels fill them in. Where nearly every contact unknown reaches
+nearly all of a small level, R and I are dense.
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ from hemivar.kernels.library import Kernels
 from hemivar.linear.truncated_level import Level, narrow
 
 __all__ = ["FixedChange"]
+
+#: Times the sums of a product on a pattern that a dense one may take: on an AMD EPYC, one thread, both cost the same at
+#: 11 (brackets, pairs and assemblies from Gmsh).
+_DENSE = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,22 +65,56 @@ class _Pattern:
 
 
 @dataclass(frozen=True, eq=False)
-class _CoarseLevel:
-    """An algebraic level, and how a change comes to it from what is finer.
+class _Reach:
+    """How contact unknowns reach a level: R (q, n), I (q, n) on all places of X, and the row of each of these.
 
-    ``matrix (n, n)``; ``diagonal (n,)``: where its entries are; ``reach (q, n)``: R; ``images (q, n)``: I, on all
-    places of X; ``rows``: the row of each of these; ``back (a, q)``: the rows of ``R'`` that have entries; ``own``: the
-    places of these rows of the matrix; ``entries``: where they are among those of the matrix; ``turned``: where each
-    entry of the transpose is.
+    ``back (a, q)``: the rows of ``R'`` that have entries; ``own``: the places of these rows of the matrix.
     """
 
-    matrix: sp.csr_array
-    diagonal: IntArray
     reach: sp.csr_array
     images: sp.csr_array
     rows: IntArray
     back: sp.csr_array
     own: _Pattern
+
+    def half(self, kernels: Kernels, held: BoolArray, between: sp.csr_array, some: BoolArray) -> Array:
+        """``R'X`` at the places of its rows, where unknowns are held, and ``between (q, q)`` is ``-(D K D + S) / 2``;
+        ``some (q,)``: rows of X that are not zero."""
+        places, back = _Pattern.of(self.images), self.back
+        begin = np.where(held[self.rows], self.images.data, 0.0)
+        right = places.matrix(places.filled(kernels, between, self.reach, begin))
+        left = back.data * some[back.indices]  # the kernel leaves out factors that are zero
+        left = sp.csr_array((left, back.indices, back.indptr), shape=back.shape)
+        return self.own.filled(kernels, left, right)
+
+
+@dataclass(frozen=True, eq=False)
+class _DenseReach:
+    """R (q, n) and I (q, n) where contact unknowns reach most of a level; ``places``: those of ``R'X`` in (n, n)."""
+
+    reach: Array
+    images: Array
+    places: IntArray
+
+    def half(self, kernels: Kernels, held: BoolArray, between: sp.csr_array, some: BoolArray) -> Array:
+        """:meth:`_Reach.half` by dense products."""
+        rows = np.flatnonzero(some)
+        right = np.asarray(between[rows] @ self.reach)
+        right += np.where(held[rows, None], self.images[rows], 0.0)
+        return np.asarray(self.reach[rows].T @ right).ravel()[self.places]
+
+
+@dataclass(frozen=True, eq=False)
+class _CoarseLevel:
+    """An algebraic level, and how a change comes to it from what is finer.
+
+    ``matrix (n, n)``; ``diagonal (n,)``: where its entries are; ``reach``: how contact unknowns reach it; ``entries``:
+    where the places of ``R'X`` are among those of the matrix; ``turned``: where each entry of the transpose is.
+    """
+
+    matrix: sp.csr_array
+    diagonal: IntArray
+    reach: _Reach | _DenseReach
     entries: IntArray
     turned: IntArray
 
@@ -87,26 +126,22 @@ class _CoarseLevel:
         lengths = (ends - starts).astype(np.int64)
         first = np.concatenate([[0], np.cumsum(lengths)])
         entries = np.arange(first[-1]) + np.repeat(starts - first[:-1], lengths)
-        own = _Pattern(matrix.shape[1], first.astype(np.int32), np.ascontiguousarray(matrix.indices[entries]))
+        columns = np.ascontiguousarray(matrix.indices[entries])
         numbers = sp.csr_array((np.arange(1.0, matrix.nnz + 1.0), matrix.indices, matrix.indptr), shape=matrix.shape)
         turned = narrow(sp.csr_array(numbers.T))
         if not (np.array_equal(turned.indices, matrix.indices) and np.array_equal(turned.indptr, matrix.indptr)):
             raise ValueError("the pattern of a level must be symmetric")
         of_row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
         diagonal = np.flatnonzero(of_row == matrix.indices)
-        held = np.repeat(np.arange(reach.shape[0]), np.diff(images.indptr))
-        place = (turned.data - 1.0).astype(np.int64)
-        return _CoarseLevel(matrix, diagonal, reach, images, held, narrow(back[rows]), own, entries, place)
-
-    def half(self, kernels: Kernels, held: BoolArray, between: sp.csr_array, some: BoolArray) -> Array:
-        """``R'X`` at the places of its rows, where unknowns are held, and ``between (q, q)`` is ``-(D K D + S) / 2``;
-        ``some (q,)``: rows of X that are not zero."""
-        places, back = _Pattern.of(self.images), self.back
-        begin = np.where(held[self.rows], self.images.data, 0.0)
-        right = places.matrix(places.filled(kernels, between, self.reach, begin))
-        left = back.data * some[back.indices]  # the kernel leaves out factors that are zero
-        left = sp.csr_array((left, back.indices, back.indptr), shape=back.shape)
-        return self.own.filled(kernels, left, right)
+        (q, n), sums = reach.shape, float(np.diff(images.indptr) @ np.diff(reach.indptr))
+        found: _Reach | _DenseReach
+        if float(rows.size) * q * n <= _DENSE * sums:
+            found = _DenseReach(reach.toarray(), images.toarray(), np.repeat(rows, lengths) * n + columns)
+        else:
+            held = np.repeat(np.arange(q), np.diff(images.indptr))
+            own = _Pattern(n, first.astype(np.int32), columns)
+            found = _Reach(reach, images, held, narrow(back[rows]), own)
+        return _CoarseLevel(matrix, diagonal, found, entries, (turned.data - 1.0).astype(np.int64))
 
     def changed(self, half: Array, before: Array) -> Array:
         """The numbers of the matrix with a half of a change, and its transpose; unknowns that nothing is left of keep
@@ -157,4 +192,6 @@ class FixedChange:
         both = np.where(held[self.row] & held[self.column], top.values[self.inner], 0.0) + extra[self.inner]
         between, some = self.between.matrix(-0.5 * both), held.copy()
         some[self.row[both != 0.0]] = True
-        return [level.changed(level.half(self.kernels, held, between, some), before) for level, before in self.levels]
+        return [
+            level.changed(level.reach.half(self.kernels, held, between, some), before) for level, before in self.levels
+        ]

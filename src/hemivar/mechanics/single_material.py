@@ -79,7 +79,7 @@ class SingleMaterial(CheckedFields, Material):
     @property
     def _natural_dim(self) -> int:
         """2 for a material of the plane only, else 3."""
-        return 2 if self._in_plane_stress or self.axisymmetric else 3
+        return 3 if getattr(self, "plane", PlaneState.STRAIN) is PlaneState.STRAIN else 2
 
     def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
         at = described_point(point, self._natural_dim)

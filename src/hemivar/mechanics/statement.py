@@ -39,6 +39,7 @@ from hemivar.mechanics.conditions import (
 )
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import depends_on_time, error_context
+from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
@@ -284,6 +285,11 @@ class ContactProblem(PickleMixin, ReprMixin):
         return ("source", "fluxes") if self.kind else ("body_force", "tractions")
 
     @cached_property
+    def kinematics(self) -> BodyKinematics:
+        """The strains of the field, and the measure of integrals over the body."""
+        return BodyKinematics.of(self.material, self.mesh.dim)
+
+    @cached_property
     def areas(self) -> Mapping[str, IntArray]:
         """The cells of contacts over areas, by name, in their order."""
         regions = {AREA: np.arange(self.mesh.number_of_cells), **self.mesh.regions}
@@ -347,7 +353,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         if self.kind not in (None, ScalarKind.HEAT) and self.mesh.dim == 3:
             raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one is 3D; use a rectangle")
         self.material.check_on(self.mesh.dim, list(self.mesh.regions))
-        if self.material.axisymmetric:
+        if self.kinematics.ring:
             self._check_half_section()
         rule = one_of(self.quadrature, "quadrature", Quadrature, "Quadrature.NODAL or MIDPOINT")
         object.__setattr__(self, "quadrature", rule)
@@ -362,14 +368,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         """Refuse stress stiffening of what is no linear body in the plane or in space."""
         if not expect(self.stiffening, bool, "stiffening", "give True or False"):
             return
-        material = self.material
-        what = (
-            "one component" if self.kind
-            else "a body of revolution" if material.axisymmetric
-            else "" if material.linear
-            else "a material that is not linear"
-        )  # fmt: skip
-        if what:
+        if what := beyond_stiffening(self):
             raise ProblemError(f"stiffening is for linear bodies in 2D and in 3D, not for {what}; leave it out")
 
     def _check_half_section(self) -> None:
@@ -390,7 +389,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         self._check_mapping("contact")
         for name, contact in self.contact.items():
             self._check_contact(name, contact)
-        if self.areas and self.material.axisymmetric:
+        if self.areas and self.kinematics.ring:
             raise ProblemError("plane = 'axisymmetric' has no contact over an area; leave it out")
         if self.order == 2 and self.areas:
             raise ProblemError(
@@ -620,6 +619,15 @@ def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
     if found.kind:
         raise ProblemError(f"{what} is a ScalarProblem; {remedy}")
     return found
+
+
+def beyond_stiffening(problem: ContactProblem) -> str:
+    """What of a problem stress stiffening is not for, in words; empty where there is none."""
+    if problem.kind:
+        return "one component"
+    if problem.kinematics.ring:
+        return "a body of revolution"
+    return "" if problem.material.linear else "a material that is not linear"
 
 
 def refuse_areas(problem: ContactProblem, what: str) -> None:

@@ -312,7 +312,7 @@ class Heat(PickleMixin):
             A name is unknown to the mesh, something is of the wrong kind or range, or the two do not go together.
         """
         mesh = problem.mesh
-        if problem.material.axisymmetric:
+        if problem.kinematics.ring:
             raise ProblemError(
                 "plane = 'axisymmetric' has no heat; leave heat out, or model a quarter of the body in 3D"
             )

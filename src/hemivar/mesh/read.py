@@ -25,6 +25,7 @@ from hemivar.mesh.reading import Reading
 from hemivar.mesh.recipe import MeshRecipe
 from hemivar.mesh.simplices import Simplices, simplices
 from hemivar.mesh.su2 import parse_su2
+from hemivar.mesh.unv import is_unv, parse_unv
 
 __all__ = ["read_mesh"]
 
@@ -115,6 +116,8 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
         return parse_netgen(text())
     if suffix == ".su2" or _SU2.search(start):
         return parse_su2(text())
+    if is_unv(start):
+        return parse_unv(text(_OF_FIELDS))
     other = format_of(path, start)
     if suffix in _NASTRAN and not other and is_nastran(start):
         return parse_nastran(text(_OF_FIELDS), path.parent)

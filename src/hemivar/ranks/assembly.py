@@ -212,7 +212,7 @@ def _check_suited(problem: ContactProblem) -> None:
         raise MethodError("the engine 'petsc' needs quadrature = \"nodal\", or leave --engine out")
     if problem.stiffening:
         raise MethodError("the engine 'petsc' has no stress stiffening; leave --engine out")
-    if problem.material.axisymmetric:
+    if problem.kinematics.ring:
         raise MethodError("the engine 'petsc' has no bodies of revolution; leave --engine out")
     for name, contact in problem.contact.items():
         if contact.against:

@@ -143,7 +143,7 @@ class BodyOnRanks(Body):
         assert ends is not None
         return self.restrict(below.displacement(x)[ends].mean(axis=1))
 
-    def posed(self, prepare: Prepare) -> Self:
+    def prepared(self, prepare: Prepare) -> Self:
         """The body itself: methods work on it as it is."""
         return self
 

@@ -307,7 +307,7 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
 def _history(history: History) -> _Shown:
     ledger, error = history.ledger, history.time_error
     rows: list[_Row] = [
-        ("ended", f"{history.ended}, t = {_number(history.moment.time)}"),
+        ("ended", f"{history.ended}, t = {_number(history.state.time)}"),
         ("steps", len(history.rows) - 1),
         ("frames", len(history.frames)),
         ("largest residual", history.residual),

@@ -15,10 +15,10 @@ from hemivar.solvers.status import Status
 from hemivar.systems.contact_system import PointSystem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["PosedSystem", "Solver", "State"]
+__all__ = ["Solver", "SolverSystem", "State"]
 
 
-class PosedSystem(PointSystem, Protocol):
+class SolverSystem(PointSystem, Protocol):
     """A system of a problem that is in one place."""
 
     @property
@@ -94,7 +94,7 @@ class Solver(ABC):
         """Whether it treats bodies that are not linear."""
         return False
 
-    def downhill(self) -> Solver:
+    def local_descent(self) -> Solver:
         """The method for a body that its foundation holds at rest only: it should not cross a barrier of the energy,
         for far beyond them the energy falls without end."""
         return self

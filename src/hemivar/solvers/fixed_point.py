@@ -110,8 +110,8 @@ class FixedPoint(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(self.inner_rtol))
 
-    def downhill(self) -> Solver:
-        return replace(self, inner=self.inner.downhill())
+    def local_descent(self) -> Solver:
+        return replace(self, inner=self.inner.local_descent())
 
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.inner.prepare(problem, workspace)

@@ -13,7 +13,7 @@ from hemivar.basics.generators import result_of
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
-from hemivar.solvers.base import PosedSystem, Solver, State
+from hemivar.solvers.base import Solver, SolverSystem, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton, Search
@@ -28,7 +28,7 @@ _ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-8
 _PATIENCE = 4
 
 
-def _downhill() -> Solver:
+def _local_descent() -> Solver:
     return NonsmoothNewton(search=Search.DOWNHILL)
 
 
@@ -55,7 +55,7 @@ class LoadStepping(Solver):
         How closely the largest load that is carried is bracketed, relative to itself.
     """
 
-    inner: Solver = field(default_factory=_downhill)
+    inner: Solver = field(default_factory=_local_descent)
     steps: int = 10
     rtol: float = 1e-9
     width: float = 0.01
@@ -101,8 +101,8 @@ class LoadStepping(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(min(rtol, self.rtol)))
 
-    def downhill(self) -> Solver:
-        return replace(self, inner=self.inner.downhill())
+    def local_descent(self) -> Solver:
+        return replace(self, inner=self.inner.local_descent())
 
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.inner.prepare(problem, workspace)
@@ -110,7 +110,7 @@ class LoadStepping(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.inner.refuse(problem)
 
-    def begin(self, system: PosedSystem, start: State, budget: Budget) -> State:
+    def begin(self, system: SolverSystem, start: State, budget: Budget) -> State:
         found = result_of(SystemClimb(self, LoadLine.to(system.problem), budget, system=system).up(start))
         r = system.start(found.at.r)
         here = State(r, system.multiplier(r), found.at.evaluations)
@@ -131,10 +131,10 @@ class LoadStepping(Solver):
     def _close(self, low: float, high: float) -> bool:
         return high - low <= max(self.width * high, _SHORTEST)
 
-    def step(self, system: PosedSystem, state: State, budget: Budget) -> State:
+    def step(self, system: SolverSystem, state: State, budget: Budget) -> State:
         return self.inner.step(system, state, budget)
 
-    def settle(self, system: PosedSystem, state: State, budget: Budget) -> State | None:
+    def settle(self, system: SolverSystem, state: State, budget: Budget) -> State | None:
         return None if state.ended is not None else self.inner.settle(system, state, budget)
 
     def release(self, state: State) -> None:
@@ -231,7 +231,7 @@ class Climb(ABC):
 class SystemClimb(Climb):
     """Those of a body whose stiffness stays."""
 
-    system: PosedSystem = field(kw_only=True)  # that of the full load
+    system: SolverSystem = field(kw_only=True)  # that of the full load
 
     def _to(self, factor: float, start: State) -> tuple[State, Status]:
         inner, system, budget = self.method.inner, self.system.for_problem(self.line.at(factor)), self.budget

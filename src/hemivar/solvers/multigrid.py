@@ -175,8 +175,8 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
     """
     convex = not _bent(system)
     shift = system.carried if convex else None
-    posed = system if shift is None else system.beyond(shift)
-    below = None if system.thins and not convex else posed.posed_below()
+    shifted = system if shift is None else system.beyond(shift)
+    below = None if system.thins and not convex else shifted.coarse_system()
     x, stopped = None, None
     try:
         if below is not None:
@@ -185,7 +185,7 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
         if not system.thins:
             raise
     if x is not None:
-        x = posed.from_below(x) if shift is None else shift + posed.from_below(x)
+        x = shifted.from_below(x) if shift is None else shift + shifted.from_below(x)
     elif convex:
         x = system.untouched()
     start = system.start(x)

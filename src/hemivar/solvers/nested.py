@@ -8,7 +8,7 @@ from hemivar.basics.arguments import described, expect
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.fem.transfer import interpolate
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.base import Solver
@@ -47,7 +47,7 @@ def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
 
 
 def solve_nested(
-    problems: Sequence[Posable],
+    problems: Sequence[ProblemLike],
     method: Solver | str | None = None,
     controls: Controls | None = None,
     *,
@@ -80,7 +80,7 @@ def solve_nested(
     if not problems:
         raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")
     solutions: list[Solution] = []
-    for problem in (posed(given, "solve_nested") for given in problems):
+    for problem in (as_discrete(given, "solve_nested") for given in problems):
         guess = transfer_solution(solutions[-1], problem) if solutions else None
         solutions.append(solve(problem, method, controls, rtol=rtol, initial=guess, workspace=workspace))
         if solutions[-1].status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):

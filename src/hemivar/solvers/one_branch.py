@@ -34,7 +34,7 @@ def on_one_branch(one: Solution, other: Solution, workspace: Workspace, controls
 
 def _leads(begin: Solution, end: Solution, workspace: Workspace, controls: Controls | None) -> bool:
     """Whether the way downhill from one state, under the load of the other, ends at the other."""
-    method = default_method(end.problem, workspace).downhill()
+    method = default_method(end.problem, workspace).local_descent()
     found = solve(end.problem, method, controls, initial=begin, workspace=workspace)
     missed = float(np.abs(found.unknowns - end.unknowns).max(initial=0.0))
     return missed <= _SAME * float(np.abs(end.unknowns).max(initial=0.0))

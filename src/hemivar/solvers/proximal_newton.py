@@ -109,14 +109,14 @@ class ProximalNewton(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return self if self.tolerance is not None else replace(self, tolerance=0.1 * rtol)
 
-    def downhill(self) -> Solver:
-        return replace(self, inner=self.inner.downhill())
+    def local_descent(self) -> Solver:
+        return replace(self, inner=self.inner.local_descent())
 
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> NonlinearBody:
         return NonlinearBody.of(problem, workspace)
 
     def first_guess(self, system: NonlinearSystem, budget: Budget) -> tuple[Array, Status | None]:
-        below = None if self.inner.condenses else system.posed_below()
+        below = None if self.inner.condenses else system.coarse_system()
         if below is None:
             return system.start(), None
         x, stopped = self.first_guess(below, budget)
@@ -140,12 +140,12 @@ class ProximalNewton(Solver):
             if system.vectors.largest(budget.due())[0]:
                 raise OutOfTime
             accurate = method.for_tolerance(_AIM * wanted / now.scale) if now.scale > 0.0 else method
-            posed = model.posed(accurate.prepare)
-            begin = posed.start(posed.of_unknowns(state.r))
+            tangent = model.prepared(accurate.prepare)
+            begin = tangent.start(tangent.of_unknowns(state.r))
             controls = Controls(rtol=0.0, atol=wanted, max_time=budget.left)
-            found, status, _ = iterate(accurate, posed, State(begin, posed.multiplier(begin)), controls, budget)
+            found, status, _ = iterate(accurate, tangent, State(begin, tangent.multiplier(begin)), controls, budget)
             evaluations += found.evaluations
-            end = posed.recover(found.r, found.lam)[0]
+            end = tangent.recover(found.r, found.lam)[0]
             accurate.release(found)
             if status in STOPPED or status is Status.UNBOUNDED:
                 return replace(state, evaluations=evaluations, ended=status)
@@ -158,7 +158,7 @@ class ProximalNewton(Solver):
     def _models(self, system: NonlinearSystem, x: Array, force: Array) -> Iterator[tuple[Solver, LinearBody]]:
         """Methods and linear bodies, to be tried one after the other."""
         tangent = system.tangent_at(x, force)
-        careful = self.inner.downhill()
+        careful = self.inner.local_descent()
         if tangent is not None:
             yield self.inner, tangent
         if tangent is not None and careful is not self.inner:

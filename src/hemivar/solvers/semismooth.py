@@ -136,8 +136,8 @@ class SemismoothNewton(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.fallback.refuse(problem)
 
-    def downhill(self) -> Solver:
-        return self.fallback.downhill()  # which crosses no barrier
+    def local_descent(self) -> Solver:
+        return self.fallback.local_descent()  # which crosses no barrier
 
     def for_tolerance(self, rtol: float) -> Solver:
         fallback = self.fallback.for_tolerance(rtol)

@@ -22,7 +22,7 @@ from hemivar.basics.units import Units
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import Residual, inaccurate_law
+from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.fem.contact_basis import nodal_depths
 from hemivar.fem.fields import strain, stress, von_mises
@@ -125,10 +125,8 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """What the numbers do not show by themselves, such as locking or large strains; one sentence each."""
         strained = None if self.deformation is None else self.deformation.warning
-        solved = self.status is Status.CONVERGED
-        off = None if solved else inaccurate_law(self.problem, self.unknowns, self.multiplier, self.residual)
         slid = slid_beyond(self.problem, self.unknowns)
-        return tuple(said for said in (*self.problem.notes, *self.remarks, strained, slid, off) if said is not None)
+        return tuple(said for said in (*self.problem.notes, *self.remarks, strained, slid) if said is not None)
 
     @property
     def remedy(self) -> str:
@@ -239,7 +237,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         if stated is not None and 0 < len(stated.areas) < len(stated.contact):
             return "measure"
         if stated is not None:
-            further = bool(stated.areas) or stated.material.axisymmetric
+            further = bool(stated.areas) or stated.kinematics.ring
             return ("length", "area", "volume")[stated.mesh.dim - 2 + further]
         return "area" if self.problem.contact.components == 3 else "length"
 

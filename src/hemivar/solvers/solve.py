@@ -20,17 +20,17 @@ from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.recession import Coercivity, decide
-from hemivar.discrete.residual import Residual, inaccurate_law
+from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError, ProblemError
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.fem.stress_stiffness import stiffens
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
-from hemivar.solvers.base import PosedSystem, Solver, State
+from hemivar.solvers.base import Solver, SolverSystem, State
 from hemivar.solvers.choice import choose, repaid
 from hemivar.solvers.controls import Budget, Controls, Progress
+from hemivar.solvers.fallbacks import LOWER, best_of, others, took_over
 from hemivar.solvers.fixed_point import FixedPoint
-from hemivar.solvers.handing_on import LOWER, best_of, others, took_over
 from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.loop import finish, steps
 from hemivar.solvers.methods import as_method
@@ -66,7 +66,7 @@ _LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_C
 
 @known_keywords
 def solve(
-    problem: Posable,
+    problem: ProblemLike,
     method: Solver | str | None = None,
     controls: Controls | None = None,
     *,
@@ -120,13 +120,13 @@ def solve(
     >>> solution.status.value, solution.certify().unique
     ('converged', True)
     """
-    discrete = posed(problem, "solve")
+    discrete = as_discrete(problem, "solve")
     limits = Controls.of(controls, rtol=rtol, max_steps=max_steps, max_time=max_time)
     return result_of(solving(discrete, method, limits, initial=initial, workspace=workspace))
 
 
 def solving(
-    problem: Posable,
+    problem: ProblemLike,
     method: Solver | str | None = None,
     controls: Controls | None = None,
     *,
@@ -154,7 +154,7 @@ def solving(
     MethodError, ProblemError
         As :func:`solve`.
     """
-    problem = posed(problem, "solve")
+    problem = as_discrete(problem, "solve")
     given = method_for(method, problem)
     workspace = Workspace.given(workspace)
     if controls is not None:
@@ -164,7 +164,7 @@ def solving(
         return (yield from stiffening(problem, ordinary, controls or Controls(), initial))
     solver = default_method(problem, workspace) if given is None else _for_body(given, problem)
     controls = Controls() if controls is None else controls
-    solver = solver if problem.limit is None else solver.downhill()
+    solver = solver if problem.limit is None else solver.local_descent()
     if problem.law.state_dependent and not solver.handles_state:
         raise MethodError(
             f"{solver.name} cannot solve this problem: a friction bound depends on the solution; "
@@ -201,7 +201,7 @@ def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
     solver = _for_body(suited(chosen, problem), problem)
     if problem.limit is None and not _falls(problem):
         return solver
-    careful = solver.downhill()
+    careful = solver.local_descent()
     follows = problem.limit is None and problem.law.follows_state
     return _for_body(SemismoothNewton(careful), problem) if follows and isinstance(careful, FixedPoint) else careful
 
@@ -229,12 +229,7 @@ class _Task:
         return told_of_slides(found)
 
     def handed_on(self, solver: Solver, first: Solution, asked: bool) -> Generator[Progress, bool | None, Solution]:
-        """What other methods find where the first has failed; the best iterate of all where they fail as well.
-
-        Where the law is known no better than the iterate solves it, no other method can do more.
-        """
-        if inaccurate_law(self.problem, first.unknowns, first.multiplier, first.residual) is not None:
-            return first
+        """What other methods find where the first has failed; the best iterate of all where they fail as well."""
         failed, spent = [first], first.timings.get("iterate", 0.0)
         for other in self._others(solver, first, asked):
             try:
@@ -281,7 +276,7 @@ def _run(
 ) -> Generator[Progress, bool | None, Solution]:
     """Set up, start, iterate and recover."""
     try:
-        system: PosedSystem = solver.prepare(problem, workspace)
+        system: SolverSystem = solver.prepare(problem, workspace)
         _check_held(system)
         if isinstance(system, CondensedProblem):
             workspace.under_any_load("held far away", problem, partial(_check_coercive, system))
@@ -403,7 +398,7 @@ class _End:
     seconds: float
 
 
-def _solution(system: PosedSystem, end: _End) -> Solution:
+def _solution(system: SolverSystem, end: _End) -> Solution:
     """All unknowns from the iterate, with the residual of the full problem and the status that this allows."""
     problem, state = system.problem, end.state
     began = time.perf_counter()
@@ -482,7 +477,7 @@ def _for_body(solver: Solver, problem: DiscreteProblem) -> Solver:
     return ProximalNewton(solver)
 
 
-def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
+def _start(system: SolverSystem, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
     """The starting point, checked and moved into the domain of the laws."""
     if initial is None:
         r, stopped = solver.first_guess(system, budget)
@@ -500,7 +495,7 @@ def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None
     return State(r, system.multiplier(r))
 
 
-def _check_held(system: PosedSystem) -> None:
+def _check_held(system: SolverSystem) -> None:
     """Refuse a convex problem whose energy falls without end along a motion that deforms nothing, unless it was shown
     to be held when it was discretised."""
     law = system.law

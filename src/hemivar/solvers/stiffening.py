@@ -199,9 +199,9 @@ def _iterated(
     """
     plain, mixing = ordinary.plain(problem), _Mixing()
     place = place if place is not None else (yield from _first_place(plain, ordinary, tally))
-    posed, found, sound, worse = plain if place is None else _stressed(plain, place), None, None, 0
+    discrete, found, sound, worse = plain if place is None else _stressed(plain, place), None, None, 0
     for _ in range(_OUTER):
-        answer = None if posed is None else (yield from _answer(posed, ordinary, tally, place))
+        answer = None if discrete is None else (yield from _answer(discrete, ordinary, tally, place))
         own = None if answer is None else _stressed(plain, answer.unknowns)
         if answer is not None and own is not None:
             now = tally.of_all(_judged(replace(answer, problem=own), answer, plain, ordinary, tally.controls))
@@ -223,7 +223,7 @@ def _iterated(
         else:
             sound = place
             place = answer.unknowns if place is None else mixing.after(place, answer.unknowns)
-        posed = own if sound is None else _stressed(plain, place)
+        discrete = own if sound is None else _stressed(plain, place)
     return None if found is None else tally.of_all(found)
 
 
@@ -242,11 +242,11 @@ def _judged(
 
 
 def _answer(
-    posed: DiscreteProblem, ordinary: Ordinary, tally: Tally, place: Array | None
+    discrete: DiscreteProblem, ordinary: Ordinary, tally: Tally, place: Array | None
 ) -> Generator[Progress, bool | None, Solution | None]:
     """The solution under a stress that is held; None where its stiffness does not allow one."""
     try:
-        found = yield from ordinary(posed, tally.left, place)
+        found = yield from ordinary(discrete, tally.left, place)
     except ProblemError:
         if place is None:
             raise

@@ -62,7 +62,7 @@ class TruncatedNewton(Solver):
     #: Whether a whole step that gains less than the rounding of the energy is taken before the residual judges it.
     trusts: ClassVar[bool] = False
 
-    def downhill(self) -> Self:
+    def local_descent(self) -> Self:
         return replace(self, search=Search.DOWNHILL)
 
     @property

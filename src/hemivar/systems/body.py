@@ -81,7 +81,7 @@ class Body(OfUnknowns, ABC):
     def truncation(self) -> Truncation:
         """Newton's matrix, to be changed by one solve."""
 
-    def posed_below(self) -> Self | None:
+    def coarse_system(self) -> Self | None:
         return self.below
 
     def untouched(self) -> Array | None:

@@ -244,13 +244,13 @@ class BodyProblem(Body):
     def newton_equation(self, known: NewtonEquation | None = None) -> KrylovNewton:
         return KrylovNewton.of(self, known)
 
-    def posed_below(self) -> BodyProblem | None:
+    def coarse_system(self) -> BodyProblem | None:
         began = time.perf_counter()
         if self.meshes:
             step = self._step
-            return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], began)
+            return self.meshes[-1].with_problem(step.on_coarse_mesh(self.problem), self.meshes[:-1], began)
         below = self._thinned
-        return None if below is None else below[1].posed(below[0].posed(self.problem), (), began)
+        return None if below is None else below[1].with_problem(below[0].on_coarse_mesh(self.problem), (), began)
 
     @property
     def _step(self) -> Coarser:
@@ -318,7 +318,7 @@ class BodyProblem(Body):
         problem = self.problem
         offset = np.where(self.active, problem.offset - problem.contact.trace_of(x), problem.offset)
         there = problem.under(self.out_of_balance(x), offset=offset)
-        return self.posed(there, self.meshes, time.perf_counter())
+        return self.with_problem(there, self.meshes, time.perf_counter())
 
     def from_below(self, x: Array) -> Array:
         return self._step.interpolate(x)
@@ -330,9 +330,9 @@ class BodyProblem(Body):
         """The same body under another load, gap or law."""
         if (problem.unknowns, problem.contact.count) != (self.problem.unknowns, self.problem.contact.count):
             raise ProblemError("the other problem is of another size; set it up separately")
-        return replace(self.posed(problem, (), time.perf_counter()), thins=False)
+        return replace(self.with_problem(problem, (), time.perf_counter()), thins=False)
 
-    def posed(self, problem: DiscreteProblem, meshes: tuple[BodyProblem, ...], began: float) -> BodyProblem:
+    def with_problem(self, problem: DiscreteProblem, meshes: tuple[BodyProblem, ...], began: float) -> BodyProblem:
         """The same body under the load, the gap and the law of a problem; what only the body decides stays."""
         return replace(
             self,
@@ -415,7 +415,7 @@ def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
     """
     began = time.perf_counter()
     bodies = workspace.once("bodies", problem.model, lambda: _bodies(problem, workspace))
-    return bodies[-1].posed(problem, tuple(bodies[:-1]), began)
+    return bodies[-1].with_problem(problem, tuple(bodies[:-1]), began)
 
 
 def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]:

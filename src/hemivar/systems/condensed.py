@@ -20,7 +20,7 @@ from hemivar.discrete.recession import RecessionFunction, growth_along
 from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
 from hemivar.discrete.rigid_part import RigidPart
 from hemivar.errors import ProblemError
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.laws import VectorLaw
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.systems.contact_system import OfProblem
@@ -434,7 +434,7 @@ class CondensedProblem(OfProblem, PickleMixin):
         return u + inner + self._recovery.linear(change), lam, held
 
 
-def condense(problem: Posable, many: bool = False) -> CondensedProblem:
+def condense(problem: ProblemLike, many: bool = False) -> CondensedProblem:
     """Eliminate every unknown that no contact law acts on (the survey's Schur complement, section 5.2).
 
     Costs one sparse factorisation.  Where the trace selects single unknowns (nodal quadrature) the contact unknowns
@@ -460,7 +460,7 @@ def condense(problem: Posable, many: bool = False) -> CondensedProblem:
     MethodError
         The memory that is free does not suffice.
     """
-    problem = posed(problem, "condense")
+    problem = as_discrete(problem, "condense")
     began = time.perf_counter()
     contact = problem.contact_points * problem.contact.components
     check_memory(problem.unknowns, problem.contact.components, contact, many)

@@ -104,7 +104,7 @@ def diagonal_step(
         if search is Search.GLOBAL or not feasible:
             target = body.law.local_argmin(pair, pull)
         else:
-            target = body.law.downhill(pair, pull, r)
+            target = body.law.local_minimiser(pair, pull, r)
         new = np.where(body.active, target, body.fixed)
         if vectors.largest(float(not np.isfinite(new).all()))[0]:
             return ContactStep(r, 0.0, attempt, factor, value, force, unbounded=True)

@@ -34,7 +34,7 @@ Prepare = Callable[[DiscreteProblem, Workspace], object]
 class LinearBody(Protocol):
     """A linear body with its foundation, in the place of one that is not linear."""
 
-    def posed(self, prepare: Prepare) -> PointSystem:
+    def prepared(self, prepare: Prepare) -> PointSystem:
         """What a method works on; ``prepare`` makes it of a problem that is in one place."""
 
     def multiply(self, change: Array) -> Array:
@@ -51,7 +51,7 @@ class NonlinearSystem(PointSystem, Protocol):
     def above_at(self, x: Array, force: Array) -> LinearBody | None:
         """A linear body that has the same forces at ``x`` and more energy elsewhere; None where none is known."""
 
-    def posed_below(self) -> Self | None:
+    def coarse_system(self) -> Self | None:
         """The same on the next coarser mesh, where there is one."""
 
     def from_below(self, x: Array) -> Array:
@@ -64,7 +64,7 @@ class _LinearProblem:
 
     problem: DiscreteProblem
 
-    def posed(self, prepare: Prepare) -> PointSystem:
+    def prepared(self, prepare: Prepare) -> PointSystem:
         return cast(PointSystem, prepare(self.problem, Workspace(1)))
 
     def multiply(self, change: Array) -> Array:
@@ -205,9 +205,9 @@ class NonlinearBody(OfProblem, OfUnknowns):
     def _linear(self, bulk: Quadratic, x: Array, force: Array) -> LinearBody:
         return _LinearProblem(self.problem.under(force + bulk.gradient(x), bulk=bulk))
 
-    def posed_below(self) -> NonlinearBody | None:
+    def coarse_system(self) -> NonlinearBody | None:
         found = self._below
-        return None if found is None else NonlinearBody(found.posed(self.problem), self.workspace)
+        return None if found is None else NonlinearBody(found.on_coarse_mesh(self.problem), self.workspace)
 
     def from_below(self, x: Array) -> Array:
         assert self._below is not None

@@ -11,7 +11,7 @@ from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.solvers import METHODS, Controls, Solution, Solver, Status
 from hemivar.solvers.solve import solving, suited
 from hemivar.systems import Workspace
@@ -107,7 +107,7 @@ class Comparison:
 
 
 @expecting(options=CompareOptions)
-def compare(problem: Posable, options: CompareOptions | None = None) -> Work[Comparison]:
+def compare(problem: ProblemLike, options: CompareOptions | None = None) -> Work[Comparison]:
     """Solve a problem by several methods, the reference first: newton, or multigrid where no factorisation fits.
 
     Yields :class:`Condensed`, then for every method :class:`Phase`, its steps and :class:`Attempt`.  A method that is
@@ -124,7 +124,7 @@ def compare(problem: Posable, options: CompareOptions | None = None) -> Work[Com
         What happens; the generator returns a :class:`Comparison`.
     """
     options = CompareOptions() if options is None else options
-    problem = posed(problem, "compare")
+    problem = as_discrete(problem, "compare")
     first, shared = _REFERENCE, None
     try:
         shared = Workspace()

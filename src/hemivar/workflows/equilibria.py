@@ -7,8 +7,8 @@ from hemivar.branches import LoadBracket, Path, PathOptions, PathProgress, Searc
 from hemivar.branches.bracket import BracketOptions, bracketing
 from hemivar.branches.follow import following
 from hemivar.branches.solutions import finding
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.fem.growing import growing
-from hemivar.fem.posed import Posable, posed
 from hemivar.solvers.load_stepping import Reached
 from hemivar.workflows.events import FoundEvent, WarningEvent, Work
 
@@ -26,7 +26,7 @@ __all__ = [
 
 
 @expecting(options=SolutionsOptions)
-def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work[SolutionSet]:
+def solutions(problem: ProblemLike, options: SolutionsOptions | None = None) -> Work[SolutionSet]:
     """All solutions that can be found.
 
     Yields :class:`WarningEvent`, every start, and when the search is over :class:`FoundEvent` for every solution, by
@@ -48,7 +48,7 @@ def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work
         As :func:`hemivar.find_solutions`.
     """
     options = SolutionsOptions() if options is None else options
-    problem = posed(problem, "solutions")
+    problem = as_discrete(problem, "solutions")
     for warning in problem.notes:
         yield WarningEvent(warning)
     found = yield from finding(problem, options)
@@ -58,7 +58,7 @@ def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work
 
 
 @expecting(options=PathOptions)
-def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
+def path(problem: ProblemLike, options: PathOptions | None = None) -> Work[Path]:
     """The equilibria while the loads grow, with the displacements that a statement prescribes.
 
     Yields :class:`WarningEvent`, and every point.  An interruption ends the path where it is.
@@ -86,7 +86,7 @@ def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
 
 
 @expecting(options=BracketOptions)
-def bracket(problem: Posable, options: BracketOptions | None = None) -> Work[LoadBracket]:
+def bracket(problem: ProblemLike, options: BracketOptions | None = None) -> Work[LoadBracket]:
     """The load that a body carries, between two load factors.
 
     Yields every load factor, and :class:`WarningEvent` of the solution.  An interruption ends it with the bracket so

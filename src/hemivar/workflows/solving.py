@@ -16,7 +16,7 @@ from hemivar.certificates import certify as certificate_of_pair
 from hemivar.certificates.norms import factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.solvers import Controls, Progress, Solution, Solver, Status, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.solvers.methods import as_method
@@ -57,7 +57,7 @@ class RunOptions:
 
     method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
-    coarser: Sequence[Posable] = ()
+    coarser: Sequence[ProblemLike] = ()
     exact: bool = False
 
 
@@ -86,7 +86,7 @@ class RunResult:
 
 
 @expecting(options=RunOptions, workspace=Workspace)
-def run(problem: Posable, options: RunOptions | None = None, workspace: Workspace | None = None) -> Work[RunResult]:
+def run(problem: ProblemLike, options: RunOptions | None = None, workspace: Workspace | None = None) -> Work[RunResult]:
     """Solve a problem, with a certificate.
 
     Yields :class:`WarningEvent`, :class:`MethodEvent`, for every mesh :class:`StartEvent` and its steps, then
@@ -113,7 +113,7 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
     """
     options = RunOptions() if options is None else options
     known = Workspace.given(workspace)
-    problems = [posed(given, "run") for given in (*options.coarser, problem)]
+    problems = [as_discrete(given, "run") for given in (*options.coarser, problem)]
     for warning in problems[-1].notes:
         yield WarningEvent(warning)
     solution = yield from _solved(problems, options.method, options.controls, known)
@@ -225,7 +225,7 @@ class CertifyOptions:
 
 @expecting(options=CertifyOptions)
 def certify(
-    problem: Posable,
+    problem: ProblemLike,
     unknowns: Array | None = None,
     multiplier: Array | None = None,
     options: CertifyOptions | None = None,
@@ -253,7 +253,7 @@ def certify(
         As :func:`hemivar.solve` and :func:`hemivar.certify`.
     """
     options = CertifyOptions() if options is None else options
-    problem = posed(problem, "certify")
+    problem = as_discrete(problem, "certify")
     workspace = Workspace()
     if unknowns is None:
         solution = yield from _solved([problem], options.method, options.controls, workspace)

@@ -30,8 +30,6 @@ from hemivar.bounds.trace_bounds import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
-from hemivar.fem.constitutive import constitutive_law
-from hemivar.fem.elements import voigt_index
 from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.fem.transfer import beside_nodes, interpolation_matrix
 from hemivar.files.problem_file import read_problem_file
@@ -579,13 +577,11 @@ def _pressure(solution: Solution, stated: ContactProblem, known: KnownField) -> 
     if stated.mesh.regions and not stated.material.homogeneous:
         return np.full(contact.count, np.nan)  # a point may lie between two materials
     slope = known.gradients(points)
-    strain = constitutive_law(stated).strain(slope)
-    stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), strain)
-    if stated.material.axisymmetric:
-        around = known.values(points)[:, 0] / np.where(points[:, 0] > 0.0, points[:, 0], np.nan)
-        around = np.where(np.isnan(around), slope[:, 0, 0], around)  # its limit on the axis
+    stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), stated.kinematics.strain(slope))
+    if stated.kinematics.ring:
+        around = stated.kinematics.hoop_strain(points, known.values(points), slope)
         stress = stress + stated.material.hoop_row(points)[:, :3] * around[:, None]
-    stress = stress[:, voigt_index(stated.mesh.dim)]
+    stress = stress[:, stated.kinematics.rows]
     return np.asarray(-np.einsum("mi,mij,mj->m", normal, stress, normal))
 
 

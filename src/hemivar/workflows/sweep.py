@@ -25,7 +25,7 @@ from hemivar.branches import SolutionsOptions
 from hemivar.branches.solutions import finding
 from hemivar.certificates import smallness
 from hemivar.errors import HemivarError, ProblemError
-from hemivar.fem.posed import Posable, posed
+from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.files.changes import Change, read_change
 from hemivar.files.problem_file import parse_problem_file, read_text
 from hemivar.files.resume_log import ResumeLog
@@ -237,7 +237,7 @@ class Sweep(ReprMixin):
 
 
 #: A problem for each choice of parameters: a file, or an importable function of their values.
-Source = str | Path | Callable[..., Posable]
+Source = str | Path | Callable[..., ProblemLike]
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ class _Task:
     place: tuple[int, ...]
     values: tuple[object, ...]
     keys: tuple[str, ...]
-    source: Callable[..., Posable] | tuple[str, str, str]
+    source: Callable[..., ProblemLike] | tuple[str, str, str]
     search: SolutionsOptions
     changes: tuple[Change, ...]
     code: tuple[str, ...]
@@ -344,7 +344,7 @@ def sweeping(
     options = SweepOptions() if options is None else options
     given = _axes(axes)
     keys = tuple(axis.key for axis in given)
-    source: Callable[..., Posable] | tuple[str, str, str]
+    source: Callable[..., ProblemLike] | tuple[str, str, str]
     if isinstance(problem, str | Path):
         source = (read_text(problem), str(Path(problem).parent), str(problem))
     elif callable(problem):
@@ -458,11 +458,12 @@ def _found(task: _Task) -> SweepPoint:
     if isinstance(task.source, tuple):
         text, folder, name = task.source
         own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
-        stated: Posable = parse_problem_file(text, folder, name, changes=[*task.changes, *own], code=task.code).problem
+        changes = [*task.changes, *own]
+        stated: ProblemLike = parse_problem_file(text, folder, name, changes=changes, code=task.code).problem
     else:
         takes = "let it take a value of each parameter and return a problem"
-        stated = cast(Posable, answer(task.source, task.values, "sweep", takes))
-    problem, workspace = posed(stated, "sweep"), Workspace()
+        stated = cast(ProblemLike, answer(task.source, task.values, "sweep", takes))
+    problem, workspace = as_discrete(stated, "sweep"), Workspace()
     found = result_of(finding(problem, task.search, workspace))
     if found.interrupted:
         raise KeyboardInterrupt

@@ -204,7 +204,7 @@ def test_a_body_is_solved_by_newtons_method() -> None:
 def test_newtons_equation_contains_the_mode(load: tuple[float, float], damage: float) -> None:
     """In a few rounds it is where the fixed point is after ten times as many looks, condensed or on all unknowns."""
     problem = hv.discretize(block(soft(), load))
-    fixed = hv.solve(problem, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton().downhill()))
+    fixed = hv.solve(problem, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton().local_descent()))
     for method in (None, "newton", "multigrid"):
         found = hv.solve(problem, method)
         assert found.status.name == "CONVERGED"
@@ -223,7 +223,10 @@ def test_in_space_newtons_method_is_the_fixed_point() -> None:
         tractions={"top": (20.0, 10.0, 25.0)},
     )
     problem = hv.discretize(stated)
-    found, fixed = hv.solve(problem), hv.solve(problem, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton().downhill()))
+    found, fixed = (
+        hv.solve(problem),
+        hv.solve(problem, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton().local_descent())),
+    )
     assert found.method == "semismooth-newton"
     assert found.fallbacks == 0
     assert found.debonding["damage"].max() > 0.1
@@ -331,7 +334,7 @@ def test_laws_may_vary_over_the_boundary() -> None:
         "one"),  # type: ignore[arg-type]
         (lambda: soft().value(np.zeros((1, 2))), "has no potential: a superpotential that debonds has one fracture"),
         (lambda: soft().prox(np.zeros((1, 2)), np.ones((1, 2))), "has no potential"),
-        (lambda: soft().downhill(np.ones((1, 2)), np.zeros((1, 2)), np.zeros((1, 2))), "has no potential"),
+        (lambda: soft().local_minimiser(np.ones((1, 2)), np.zeros((1, 2)), np.zeros((1, 2))), "has no potential"),
         (lambda: ModeDependentGlue(80.0, 100.0, 1e6, "bk"), "the criterion of law 'mode-dependent' is "
         "'bk'"),  # type: ignore[arg-type]
         (lambda: ModeDependentGlue(0.0, 100.0, 1e6, PEEK).at(None), "strength of law 'mode-dependent' is 0"),

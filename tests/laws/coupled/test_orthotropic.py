@@ -92,7 +92,7 @@ def test_a_ratio_of_one_is_friction_without_direction() -> None:
     for name, given in (
         ("value", (r,)), ("distance", (r, lam)), ("graph_distance", (r, lam, tau)), ("recession", (r,)),
         ("local_argmin", (1.0 / tau + 3.0, lam)), ("prox", (r, tau / 3.0)), ("prox_jacobian", (r, tau / 3.0)),
-        ("nearest_multiplier", (r, lam)), ("downhill", (1.0 / tau + 3.0, lam, r)),
+        ("nearest_multiplier", (r, lam)), ("local_minimiser", (1.0 / tau + 3.0, lam, r)),
         ("admissible", (r,)), ("resistance", (r, lam)), ("pulls", (r,)), ("clamp", (r, lam)),
     ):  # fmt: skip
         assert getattr(mine, name)(*given) == pytest.approx(getattr(plain, name)(*given), abs=1e-12), name

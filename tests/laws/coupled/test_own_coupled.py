@@ -271,7 +271,7 @@ def test_results_do_not_change_with_units() -> None:
         (lambda: CoupledFormulaLaw("r^2 + s^2", reach=np.inf), "positive length"),
         (lambda: CoupledFormulaLaw("r^2 + s^2", reach=1e-300), "is 1e-300; it must lie between 1e-75 and"),
         (lambda: hv.FormulaLaw("r^2", reach=1e-300), "is 1e-300; it must lie between 1e-75 and"),
-        (lambda: hv.laws.FunctionLaw(np.square, reach=1e300), r"is 1e\+300; it must lie between 1e-75 and"),
+        (lambda: hv.laws.FunctionLaw(derivative=np.square, reach=1e300), r"is 1e\+300; it must lie between 1e-75 and"),
         (lambda: CoupledFormulaLaw("r^2", reach=1.0, rigid="yes"), "rigid of law"),  # type: ignore[arg-type]
         (lambda: CoupledFormulaLaw("1/(r - 0.5)", reach=1.0), "a pole, or no value, at r = 0.5"),
         (lambda: CoupledFormulaLaw("log(r)", reach=1.0), "no value, at r = -"),

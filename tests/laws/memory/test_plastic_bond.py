@@ -200,7 +200,7 @@ def peeled(way: tuple[float, float], far: float, **material: float) -> hv.Contac
 
 def state(history: hv.evolution.History) -> tuple[Array, Array]:
     """Bonds and plastic slip at the end."""
-    known = history.moment.memory["bottom"]
+    known = history.state.memory["bottom"]
     return known["0.bond"], known["0.plastic_slip"]
 
 
@@ -216,7 +216,7 @@ def test_a_stiff_block_is_one_material_point(method: hv.solvers.Solver | None, u
     assert float(before["contact"][-1]) + float(before["memory"][-1]) < BOND.shear_energy
     after = hv.march(sheared, 0.066, step=0.002, method=method)
     assert not state(after)[0].any()
-    left = np.abs(after.moment.multiplier[:, 1]).max()  # in the step in which they break: rounding of the stiff block
+    left = np.abs(after.state.multiplier[:, 1]).max()  # in the step in which they break: rounding of the stiff block
     assert left <= 1e-15 * 1e9 * unit**2
     assert state(after)[1] == pytest.approx(PLASTIC_AT_BREAK / unit, rel=1e-5)
     assert after["memory"][-1] == pytest.approx(0.969 + 30.0 * PLASTIC_AT_BREAK, rel=1e-5)

@@ -124,9 +124,9 @@ class FrictionBeside(LawBeside):
         left, sticks = self._solved(a, b)
         return self._stuck(self.base.local_argmin(a, left), sticks)
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         left, sticks = self._solved(a, b)
-        end = self._stuck(self.base.downhill(a, left, r), sticks)
+        end = self._stuck(self.base.local_minimiser(a, left, r), sticks)
         return np.where((self._energy(a, b, end) <= self._energy(a, b, r))[:, None], end, r)
 
     def _stuck(self, r: Array, sticks: BoolArray) -> Array:

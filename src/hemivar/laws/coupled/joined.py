@@ -142,10 +142,9 @@ class JoinedLaw(VectorLaw):
     nearest_multiplier = _by_points("nearest_multiplier")
     clamp = _by_points("clamp")
     local_argmin = _by_points("local_argmin")
-    downhill = _by_points("downhill")
+    local_minimiser = _by_points("local_minimiser")
     admissible = _by_points("admissible")
     recession = _by_points("recession")
-    derivative_error = _by_points("derivative_error")
     snap_to_kinks = _by_points("snap_to_kinks")
     fitted = _by_points("fitted")
     at_normal_kink = _by_points("at_normal_kink")
@@ -230,7 +229,6 @@ class JoinedLaw(VectorLaw):
     growth_sampled = _whether("growth_sampled")
     alpha_sampled = _whether("alpha_sampled")
     constants_sampled = _whether("constants_sampled")
-    by_differences = _whether("by_differences")
 
     @property
     def penetrations(self) -> Interval:

@@ -20,7 +20,7 @@ from hemivar.laws.normal import Signorini
 from hemivar.laws.parameters import evaluate, positive, read_formulas
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.scalar_graph import downhill, is_continuous, steepest
+from hemivar.laws.scalar_graph import is_continuous, local_minimiser, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, lengths, polar
 
@@ -441,7 +441,7 @@ class MixedMode(Glue):
             out[opens] = self._of_opening(opens, b, places[np.arange(opens.size), best])
         return out
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         out = self._shut(a, b, r)
         opens = np.flatnonzero(b[:, 0] < 0.0)
         if not opens.size:
@@ -478,7 +478,7 @@ class MixedMode(Glue):
             if r is None:
                 length = np.abs(tangential.local_argmin(a[:, 1], size))
             else:
-                length = np.abs(downhill(tangential, a[:, 1], size, lengths(r[rows, 1:])))
+                length = np.abs(local_minimiser(tangential, a[:, 1], size, lengths(r[rows, 1:])))
             heading[:, 0] = np.where(size > 0.0, heading[:, 0], 1.0)
             out[rows, 1:] = length[:, None] * heading
         return out

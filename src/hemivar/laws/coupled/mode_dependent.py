@@ -331,7 +331,7 @@ class ModeDependentGlue(Glue):
     def local_argmin(self, a: Array, b: Array) -> Array:
         self._refuse()
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         self._refuse()
 
     def prox_jacobian(self, x: Array, tau: Array) -> Array:

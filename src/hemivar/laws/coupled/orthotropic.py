@@ -227,9 +227,9 @@ class OrthotropicLaw(NormalAndFriction):
         left[np.abs(left).max(axis=1) <= 4.0 * np.finfo(float).eps * np.abs(b[:, 1:]).max(axis=1)] = 0.0
         return np.asarray(left / a[:, 1:2])
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         out = np.empty(b.shape)
-        out[:, :1] = self._plain.downhill(a, b[:, :1], r[:, :1])
+        out[:, :1] = self._plain.local_minimiser(a, b[:, :1], r[:, :1])
         out[:, 1:] = self._slip(a, b)
         return out
 

@@ -295,7 +295,7 @@ class OwnCoupledLaw(VectorLaw):
         _, first = np.unique(owner[order], return_index=True)
         return ends[order[first]]
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         flat, force, heading = self._plane_problem(a, b)
         normal, size, own = self.split(self.admissible(r))
         if r.shape[1] > 1:

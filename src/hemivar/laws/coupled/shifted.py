@@ -153,8 +153,8 @@ class ShiftedLaw(LawBeside):
     def local_argmin(self, a: Array, b: Array) -> Array:
         return self._back(self.base.local_argmin(a, self._force(a, b)))
 
-    def downhill(self, a: Array, b: Array, r: Array) -> Array:
-        return self._back(self.base.downhill(a, self._force(a, b), self.seen(r)))
+    def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
+        return self._back(self.base.local_minimiser(a, self._force(a, b), self.seen(r)))
 
     def _force(self, a: Array, b: Array) -> Array:
         return np.asarray(self.without_pull(b) - spread(a, b.shape[1]) * self._whole(self.shift, b))

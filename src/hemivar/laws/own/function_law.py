@@ -1,4 +1,4 @@
-"""Laws given by Python functions: for the potential, or for its derivative."""
+"""Laws given by Python functions: the derivative j', and perhaps the potential and the curvature."""
 
 from __future__ import annotations
 
@@ -10,88 +10,70 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import one_line, quoted
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.laws.consistency import check_consistency
+from hemivar.laws.consistency import REMEDY, check_consistency
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
 from hemivar.laws.parameters import checked_reach
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["Differences", "FunctionLaw", "differences"]
+__all__ = ["FunctionLaw", "differences"]
 
 #: Weights at -2, -1, 0, 1, 2 of the interpolating polynomial in powers of t.
 _STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
 #: The first step, as a part of the length of the piece or of the distance to zero; steps, and what each is
 #: shorter by.
 _FIRST, _LEVELS, _SHORTER = 0.1, 13, 4.0
-#: Levels that are enough for most places, and errors up to which they are: parts of what values differ by over a step.
-_USUAL, _ENOUGH = range(1, 5), (2e-11, 1e-7)
-#: Roundings in a value, and what noise in values becomes in the derivatives of the polynomial.
-_ROUNDING = 2.0 * float(np.finfo(float).eps)
-_NOISE = (3.0, 6.0)
+#: Levels that are enough for most places, and the error up to which they are: a part of the rise over a step.
+_USUAL, _ENOUGH = range(1, 5), 2e-11
+#: Roundings in a value, and what noise in values becomes in the derivative of the polynomial.
+_ROUNDING, _NOISE = 2.0 * float(np.finfo(float).eps), 3.0
 #: The end of a piece is left out by at most this part of its scale, and of the step: it may belong to the next.
 _BESIDE, _BESIDE_STEP = 1e-9, 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class Differences:
-    """First and second derivatives, and estimates of their errors; arrays of one shape."""
-
-    first: Array
-    second: Array
-    first_error: Array
-    second_error: Array
-
-
-def differences(
-    function: Callable[[Array], Array], r: Array, low: float, high: float, scale: float, order: int
-) -> Differences:
-    """Derivatives of a function inside a piece from ``low`` to ``high``, exact for the ``order`` 1 or 2.
+def differences(function: Callable[[Array], Array], r: Array, low: float, high: float, scale: float) -> Array:
+    """The derivative of a function inside a piece from ``low`` to ``high``, from differences of its values.
 
     The function has values (k,) at places (k,) and differs over the length ``scale``; places ``r`` outside of the piece
     are taken from the polynomial at its end.
     """
     shape, r = np.shape(r), np.ravel(np.asarray(r, dtype=float))
-    found, error, enough = _on_levels(function, r, low, high, scale, _USUAL)
-    rest = np.flatnonzero(~enough[order - 1])
+    rates, enough = _on_levels(function, r, low, high, scale, _USUAL)
+    rest = np.flatnonzero(~enough)
     if rest.size:
-        some = _on_levels(function, r[rest], low, high, scale, range(_LEVELS))
-        found[:, rest], error[:, rest] = some[:2]
-    return Differences(*(part.reshape(shape) for part in (*found, *error)))
+        rates[rest] = _on_levels(function, r[rest], low, high, scale, range(_LEVELS))[0]
+    return rates.reshape(shape)
 
 
 def _on_levels(
     function: Callable[[Array], Array], r: Array, low: float, high: float, scale: float, levels: range
-) -> tuple[Array, Array, BoolArray]:
-    """Derivatives (2, k) at places (k,), their errors, and whether these are small, from steps of some levels."""
+) -> tuple[Array, BoolArray]:
+    """Derivatives (k,) at places (k,), and whether their errors are small, from steps of some levels."""
     longest = np.minimum(_FIRST * np.maximum(scale, np.abs(r)), 0.24 * (high - low))
     step = longest / _SHORTER ** np.array(levels)[:, None]
     margin = np.minimum(_BESIDE * scale, _BESIDE_STEP * step)
     centre = np.clip(r, low + 2.0 * step + margin, high - 2.0 * step - margin)
-    places = centre + np.arange(-2.0, 3.0)[:, None, None] * step
-    values = function(places.ravel()).reshape(places.shape)
+    stencil = centre + np.arange(-2.0, 3.0)[:, None, None] * step
+    values = function(stencil.ravel()).reshape(stencil.shape)
     t, c = (r - centre) / step, np.tensordot(_STENCIL, values, axes=1)
-    first = (c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * 4.0 * c[4]))) / step
-    plain = np.stack([first, (2.0 * c[2] + t * (6.0 * c[3] + t * 12.0 * c[4])) / step**2])
-    change = np.diff(plain, axis=1, prepend=plain[:, :1])
-    found = plain + change / (_SHORTER**4 - 1.0)
-    error = np.abs(np.diff(found, axis=1, prepend=np.inf))
-    error[0] = np.maximum(error[0], step * np.abs(change[1]))  # what is narrower than the step bends the middle
+    plain = (c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * 4.0 * c[4]))) / step
+    bend = (2.0 * c[2] + t * (6.0 * c[3] + t * 12.0 * c[4])) / step**2
+    change = np.diff(plain, axis=0, prepend=plain[:1])
+    rates = plain + change / (_SHORTER**4 - 1.0)
+    error = np.abs(np.diff(rates, axis=0, prepend=np.inf))
+    error = np.maximum(error, step * np.abs(np.diff(bend, axis=0, prepend=bend[:1])))  # narrower than the step
     rise = np.ptp(values, axis=0)
-    slope_seen = np.logical_or.accumulate(np.abs(found[0]) > 10.0 * error[0], axis=0)
+    slope_seen = np.logical_or.accumulate(np.abs(rates) > 10.0 * error, axis=0)
     grainy = (rise == 0.0) & np.vstack([np.zeros((1, r.size), dtype=bool), slope_seen[:-1]])
     least = np.where(rise > 0.0, rise, np.inf).min(axis=0)
     grain = np.where(grainy.any(axis=0), least, 0.0)
-    rounding = (np.maximum(_ROUNDING * (np.abs(values).max(axis=0) + np.abs(r * first)), grain)) / step
-    error = np.maximum(error, np.stack([_NOISE[0] * rounding, _NOISE[1] * rounding / step]))
-    # a small change may be luck where noise grows
-    error[:, :-1] = np.maximum(error[:, :-1], error[:, 1:] / np.array([_SHORTER, _SHORTER**2])[:, None, None])
-    best = np.argmin(error, axis=1)[:, None]
-    derivatives, errors = (np.take_along_axis(part, best, axis=1)[:, 0] for part in (found, error))
-    size = rise[0] / step[0]
-    enough = errors <= np.stack([_ENOUGH[0] * size, _ENOUGH[1] * size / step[0]])
-    return derivatives, errors, enough
+    rounding = np.maximum(_ROUNDING * (np.abs(values).max(axis=0) + np.abs(r * plain)), grain) / step
+    error = np.maximum(error, _NOISE * rounding)
+    error[:-1] = np.maximum(error[:-1], error[1:] / _SHORTER)  # a small change may be luck where noise grows
+    best = np.argmin(error, axis=0)[None]
+    rate, off = (np.take_along_axis(part, best, axis=0)[0] for part in (rates, error))
+    return rate, off <= _ENOUGH * rise[0] / step[0]
 
 
 #: What a user gives: a function of an array, or, if it cannot take one, of a number.
@@ -107,8 +89,8 @@ _MOST_SAMPLES, _BENT = 4000, 0.02
 class _FunctionLaw(OwnLaw):
     """The law that :func:`FunctionLaw` makes."""
 
-    potential: GivenFunction | None = None
-    derivative_function: GivenFunction | None = None
+    potential: GivenFunction | None
+    derivative_function: GivenFunction
     curvature_function: GivenFunction | None = None
     kinks_at: Sequence[float] = ()
     reach: float = 10.0
@@ -116,9 +98,6 @@ class _FunctionLaw(OwnLaw):
     name: str = "function"
 
     def __post_init__(self) -> None:
-        one_line(self.name, "the name of a law")
-        if self.potential is None and self.derivative_function is None:
-            raise ProblemError(f"law '{self.name}' has no function; give its potential or its derivative")
         checked_reach(self.reach, f"law '{self.name}'")
         kinks = np.asarray(self.kinks_at, dtype=float)
         if kinks.ndim != 1 or not np.isfinite(kinks).all():
@@ -126,11 +105,16 @@ class _FunctionLaw(OwnLaw):
                 f"kinks of law '{self.name}' must be a list of finite numbers, not {quoted(self.kinks_at)}"
             )
         _ = self._own
-        if self.curvature_function is None:
-            remedy = "it is computed by differences, which are too coarse here: give a function for it too"
-            check_consistency(self, self.reach, remedy=remedy)
-        else:
-            check_consistency(self, self.reach)
+        integrated = "its potential is integrated, too coarsely here: give a function for it too, or a smaller reach"
+        by_differences = "it is computed by differences, which are too coarse here: give a function for it too"
+        check_consistency(
+            self,
+            self.reach,
+            remedies=(
+                integrated if self.potential is None else REMEDY,
+                by_differences if self.curvature_function is None else REMEDY,
+            ),
+        )
 
     def _called(self, function: GivenFunction, r: Array) -> Array:
         try:
@@ -185,23 +169,14 @@ class _FunctionLaw(OwnLaw):
         """Functions that stay inside ``(low, high)``."""
         margin = 1e-9 * scale
 
-        def found(function: GivenFunction, r: Array, order: int = 1) -> Differences:
-            return differences(lambda x: self._called(function, x), r, low, high, scale, order)
-
         def curvature(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
-            if self.curvature_function is not None:
-                return self._called(self.curvature_function, np.clip(r, low + margin, high - margin))
-            if self.derivative_function is not None:
-                return found(self.derivative_function, r).first
-            assert self.potential is not None
-            return found(self.potential, r, 2).second
+            if self.curvature_function is None:
+                return differences(lambda x: self._called(self.derivative_function, x), r, low, high, scale)
+            return self._called(self.curvature_function, np.clip(r, low + margin, high - margin))
 
         def derivative(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
-            if self.derivative_function is None:
-                assert self.potential is not None
-                return found(self.potential, r).first
             inside = np.clip(r, low + margin, high - margin)
             values = self._called(self.derivative_function, inside)
             moved = r != inside
@@ -221,28 +196,7 @@ class _FunctionLaw(OwnLaw):
             at = middle[..., None] + half[..., None] * _NODES
             return np.asarray(np.einsum("...pk,k,...p->...", derivative(at), _WEIGHTS, half))
 
-        def error(r: Array) -> Array:
-            if self.derivative_function is not None or self.potential is None:
-                return np.zeros(np.shape(r))
-            return found(self.potential, r).first_error
-
-        return LawPiece(value, derivative, curvature, error=error)
-
-    @property
-    def by_differences(self) -> bool:
-        return self.derivative_function is None
-
-    def derivative_error(self, r: Array) -> Array:
-        r = np.asarray(r, dtype=float)
-        if not self.by_differences:
-            return np.zeros(r.shape)
-        piece = self.piece_of(r)
-        return np.asarray(self._evaluate(piece, r, 3))
-
-    @cached_property
-    def derivative_accuracy(self) -> float:
-        """Largest :meth:`derivative_error` at samples within the reach."""
-        return float(self.derivative_error(np.linspace(-self.reach, self.reach, 501)).max())
+        return LawPiece(value, derivative, curvature)
 
 
 def _refined(r: Array, of: Callable[[Array], Array]) -> tuple[Array, Array]:
@@ -275,7 +229,7 @@ def _anchored(plain: list[LawPiece], kinks: Array, even: bool) -> list[LawPiece]
 
 
 def _shifted(piece: LawPiece, base: float) -> LawPiece:
-    return LawPiece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text, piece.error)
+    return LawPiece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text)
 
 
 def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
@@ -308,18 +262,17 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
     even: bool = False,
     name: str = "function",
 ) -> Superpotential:
-    """A law given by a Python function for the potential, or for its derivative.
+    """A law given by a Python function for the derivative of its potential.
 
-    What is not given is computed: derivatives by extrapolated differences that never reach across a kink, with steps
-    that suit the width of the function at every place; the potential by Gauss quadrature of the derivative.  What a
-    derivative so found is off by is estimated: ``law.derivative_error(r)``, ``law.derivative_accuracy``.  Residuals
-    include it, so that a solve does not converge to less.
+    What else is not given is computed: the potential by Gauss quadrature, the curvature by extrapolated differences
+    that never reach across a kink, with steps that suit the width of the function at every place. Who has the potential
+    only writes it as a formula, for :func:`FormulaLaw`.
 
     Parameters
     ----------
     potential : callable, optional
-        j, r (m,) -> (m,); one of potential and derivative must be given.
-    derivative : callable, optional
+        j, r (m,) -> (m,).
+    derivative : callable
         j'; its value at a kink does not matter.
     curvature : callable, optional
         j''.
@@ -340,9 +293,9 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
     Raises
     ------
     ProblemError
-        If neither function is given, or one returns something else than finite numbers, or samples show that they do
-        not belong to each other: a derivative that is not that of the potential, a curvature that is not that of the
-        derivative, a kink that is not listed.
+        If the derivative is not given, or a function returns something else than finite numbers, or samples show that
+        they do not belong to each other: a derivative that is not that of the potential, a curvature that is not that
+        of the derivative, a kink that is not listed.
 
     Examples
     --------
@@ -352,4 +305,10 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
     >>> law.derivative([-1.0, 0.5])
     array([0. , 1.5])
     """
+    one_line(name, "the name of a law")
+    if derivative is None:
+        raise ProblemError(
+            f"law '{name}' has no derivative; give derivative=, the function j', or write the potential as a formula: "
+            "FormulaLaw('...')"
+        )
     return _FunctionLaw(potential, derivative, curvature, kinks, reach, even, name)

@@ -23,13 +23,12 @@ _FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
 
 @dataclass(frozen=True)
 class LawPiece(PickleMixin):
-    """Value, derivative and curvature on one piece, and what the derivative is off by."""
+    """Value, derivative and curvature on one piece."""
 
     value: ArrayFunction
     derivative: ArrayFunction
     curvature: ArrayFunction
     text: str = ""
-    error: ArrayFunction = np.zeros_like
 
 
 class OwnLaw(ResolvedLaw):
@@ -73,7 +72,7 @@ class OwnLaw(ResolvedLaw):
         which = kinds[piece]
         for kind in np.unique(which):
             here, smooth = which == kind, different[kind]
-            out[here] = (smooth.value, smooth.derivative, smooth.curvature, smooth.error)[order](r[here])
+            out[here] = (smooth.value, smooth.derivative, smooth.curvature)[order](r[here])
         return out
 
     @cached_property
@@ -202,7 +201,6 @@ def _mirrored(piece: LawPiece) -> LawPiece:
         lambda r: -piece.derivative(-r),
         lambda r: piece.curvature(-r),
         piece.text and f"-({piece.text}) at |r|",
-        lambda r: piece.error(-r),
     )
 
 

@@ -260,11 +260,6 @@ class LawGraph(ResolvedLaw):
             return texts[0]
         return " + ".join(f"({text})" for text in texts if text != "0") or "0"
 
-    def derivative_error(self, r: Array) -> Array:
-        if not self.plain:
-            return super().derivative_error(r)
-        return np.asarray(sum(term.law.derivative_error(r) for term in self.terms))
-
     @property
     def alpha_reach(self) -> float:
         return min(term.law.alpha_reach for term in self.terms) if self.plain else super().alpha_reach

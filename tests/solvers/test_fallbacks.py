@@ -29,7 +29,7 @@ from hemivar.solvers import (
 )
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.handing_on import others
+from hemivar.solvers.fallbacks import others
 from hemivar.solvers.solve import default_method
 from hemivar.systems import CondensedProblem, Workspace
 

@@ -72,7 +72,7 @@ def _relaxed(solver: Solver, problem: DiscreteProblem) -> Solver | None:
 
 def _careful(solver: Solver, problem: DiscreteProblem) -> Solver | None:
     """The method, which crosses no barrier of the energy."""
-    return solver.downhill()
+    return solver.local_descent()
 
 
 def _across(solver: Solver, problem: DiscreteProblem) -> Solver | None:
@@ -88,7 +88,7 @@ def _across(solver: Solver, problem: DiscreteProblem) -> Solver | None:
 
 def _stepped(solver: Solver, problem: DiscreteProblem) -> Solver | None:
     """The method downhill, while the load grows."""
-    return LoadStepping(solver.downhill())
+    return LoadStepping(solver.local_descent())
 
 
 def _elsewhere(solver: Solver, problem: DiscreteProblem) -> Solver | None:

@@ -10,15 +10,15 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["Posable", "posed"]
+__all__ = ["ProblemLike", "as_discrete"]
 
 #: What can be done with a body that the stress of its load stiffens, under the names of functions.
 _STIFFENED = ("solve", "solve_nested", "run", "certify", "load_bracket")
 #: What a discrete problem can be made of.
-Posable = DiscreteProblem | ContactProblem | ManufacturedProblem
+ProblemLike = DiscreteProblem | ContactProblem | ManufacturedProblem
 
 
-def posed(problem: Posable, function: str) -> DiscreteProblem:
+def as_discrete(problem: ProblemLike, function: str) -> DiscreteProblem:
     """The problem, discretised if it is not yet."""
     given = ManufacturedProblem.of(problem)
     if function not in _STIFFENED:
