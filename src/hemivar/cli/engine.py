@@ -157,9 +157,9 @@ class Engine:
 
         return Series(path, discrete)
 
-    def film(self, found: History, fields: Path | None) -> Film | History:
+    def film(self, history: History, fields: Path | None) -> Film | History:
         """What a film of a march is drawn of, whose frames are in a file where they were written."""
-        return found
+        return history
 
 
 def engine_named(name: str, *together: str) -> Engine:

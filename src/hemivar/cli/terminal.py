@@ -72,7 +72,7 @@ class Stream(io.TextIOBase):
         """Write a text; returns its length."""
         if self._under is not None and not self._failures:
             if self._filtered:
-                text = _SUSPECT.sub(lambda found: shown(found.group().replace("\xa0", " ")), text)
+                text = _SUSPECT.sub(lambda match: shown(match.group().replace("\xa0", " ")), text)
             try:
                 self._under.write(text)
             except (OSError, ValueError) as error:
@@ -151,7 +151,7 @@ def guarded_streams() -> Iterator[tuple[Stream, Stream]]:
 @contextlib.contextmanager
 def one_voice(speaks: bool) -> Iterator[None]:
     """Inside the block this process of several is heard, and by no terminal, or it is not."""
-    out, err = (one.plain if isinstance(one, Stream) else one for one in (sys.stdout, sys.stderr))
+    out, err = (stream.plain if isinstance(stream, Stream) else stream for stream in (sys.stdout, sys.stderr))
     with (
         contextlib.redirect_stdout(out if speaks else Stream(None)),
         contextlib.redirect_stderr(err if speaks else Stream(None)),
