@@ -65,12 +65,12 @@ def read_contacts(
 ) -> dict[str, Contact]:
     """Contacts by boundary and by region; tables of laws are looked for in a folder, laws of the user's in code."""
     reader, table = _Reader(mesh.dim, folder, code), top.table("contact", None)
-    found: dict[str, Contact] = {}
+    contacts: dict[str, Contact] = {}
     for name in table.data:
         check_named(mesh, table, name)
         read = reader.of_one if of_one else reader.contact
-        found[name] = read(table.table(name, _OF_ONE if of_one else KEYS["contact.*"]))
-    return found | _read_areas(top, mesh, reader.of_one if of_one else reader.over, _OF_ONE if of_one else _OVER)
+        contacts[name] = read(table.table(name, _OF_ONE if of_one else KEYS["contact.*"]))
+    return contacts | _read_areas(top, mesh, reader.of_one if of_one else reader.over, _OF_ONE if of_one else _OVER)
 
 
 def _read_areas(
@@ -112,7 +112,7 @@ class _Reader:
         if obstacle is not None:
             if "gap" in one:
                 raise one.error("gap", "follows from the obstacle; give one of the two")
-            normals = Normals(one.text("normals", Normals.OBSTACLE, [way.value for way in Normals]))
+            normals = Normals(one.text("normals", Normals.OBSTACLE, [choice.value for choice in Normals]))
         damping = self.law(one, "damping", NORMAL_LAWS) if "damping" in one else None
         assert damping is None or isinstance(damping, Superpotential)
         memory = _read_memory(one, self.dim, self.code)
@@ -135,9 +135,9 @@ class _Reader:
             raise table.error("normal, friction", f"{given}; name one law, of the penetration or of the slip")
         key = "normal" if "normal" in table else "friction"
         law = self.law(table, key, NORMAL_LAWS if key == "normal" else FRICTION_LAWS)
-        place = decode(Contact, table, self.dim, by=OF_ONE)
+        stated = decode(Contact, table, self.dim, by=OF_ONE)
         with context(f"{table.where(key)}:"):
-            made = ScalarContact(law, place.get("gap", 0.0), place.get("side", Side.ABOVE))  # type: ignore[arg-type]
+            made = ScalarContact(law, stated.get("gap", 0.0), stated.get("side", Side.ABOVE))  # type: ignore[arg-type]
         return made
 
     def obstacle(self, table: TomlTable) -> Obstacle:
@@ -335,7 +335,7 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
     match friction.bound:
         case CoulombBound(coefficient=coefficient) if law is NoFriction().profile:
             record: object = {"law": "coulomb", "coefficient": quantity_record(coefficient, f"{where}.coefficient")}
-            return _told_of(record, friction)
+            return _with_measure(record, friction)
         case CoulombBound(coefficient=coefficient):
             bound = {"coulomb": quantity_record(coefficient, f"{where}.coefficient")}
         case PenetrationBound(source=ScalarFormula(text=text)):
@@ -354,10 +354,10 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
             raise not_expressible(f"{where}.bound", other, "numbers, formulas, and bounds by penetration or pressure")
         case plain:
             bound = quantity_record(plain, f"{where}.bound")
-    return _told_of(_law_record(law, where, name, aside, FRICTION_LAWS, bound), friction)
+    return _with_measure(_law_record(law, where, name, aside, FRICTION_LAWS, bound), friction)
 
 
-def _told_of(record: object, friction: Friction) -> object:
+def _with_measure(record: object, friction: Friction) -> object:
     """The record of friction, with what it is a law of in time where that was said."""
     whole = record if isinstance(record, dict) else {"law": record}
     return record if friction.of is None else whole | {"of": str(friction.of)}

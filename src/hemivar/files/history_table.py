@@ -52,11 +52,11 @@ _WHOLE = ("solver_steps", "jumped", "fallbacks")
 def history_columns(history: History) -> dict[str, Array]:
     """The table by columns, each (rows,): floats, whole numbers for ``solver_steps``, ``fallbacks``
     and ``jumped`` (0 or 1)."""
-    found: dict[str, Array] = {}
+    columns: dict[str, Array] = {}
     for name in history.columns:
         values = history[name]
-        found[name] = np.asarray(values.astype(np.int64) if name in _WHOLE else values)
-    return found
+        columns[name] = np.asarray(values.astype(np.int64) if name in _WHOLE else values)
+    return columns
 
 
 def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
@@ -179,9 +179,9 @@ def _from_parquet(path: Path) -> dict[str, Array]:
     most = max(least, ratio * regular_file(path, "table of a history", 1 << 62).stat().st_size)
     try:
         with parquet.ParquetFile(path) as file:
-            told = file.metadata
-            groups = [told.row_group(k) for k in range(told.num_row_groups)]
-            numbers = 8 * told.num_columns * max(told.num_rows, sum(abs(group.num_rows) for group in groups))
+            head = file.metadata
+            groups = [head.row_group(k) for k in range(head.num_row_groups)]
+            numbers = 8 * head.num_columns * max(head.num_rows, sum(abs(group.num_rows) for group in groups))
             if max(numbers, sum(abs(group.total_byte_size) for group in groups)) > most:
                 raise FileError(f"{name}: the table would take more than {size_in_words(most)}; write it as .csv")
             table = file.read()
@@ -211,8 +211,8 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
 
 def _without_unit(head: str) -> str:
     """The name of a column, whose heading may have a unit: ``work (mJ)``."""
-    name, found, _ = head.rpartition(" (")
-    return name if found and head.endswith(")") and quantity_of(name) else head
+    name, bracket, _ = head.rpartition(" (")
+    return name if bracket and head.endswith(")") and quantity_of(name) else head
 
 
 def history_frame(history: History) -> DataFrame:

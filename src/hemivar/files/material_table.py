@@ -76,7 +76,7 @@ def _gradient(table: TomlTable, mesh: Mesh, of: ScalarKind) -> Material:
     """The material of one component, each of its fields over the whole mesh or in every region of it."""
     stated = stated_fields(GradientMaterial, by=of.value)
     table.only(("regions", *stated))
-    regions, found = table.table("regions", None), dict[str, object]()
+    regions, values = table.table("regions", None), dict[str, object]()
     for region in regions.data:
         check_named(mesh, regions, region, "region")
     parts = {region: regions.table(region, tuple(stated)) for region in regions.data}
@@ -85,16 +85,16 @@ def _gradient(table: TomlTable, mesh: Mesh, of: ScalarKind) -> Material:
         if key in table and inside:
             raise table.error(key, f"is given for the whole and in region '{inside[0]}'; give one of the two")
         if key in table:
-            found[field.name] = read_value(table, key, said, mesh.dim)
+            values[field.name] = read_value(table, key, said, mesh.dim)
         elif inside:
             for one in parts.values():
                 if key not in one:
                     raise one.error(key, "is missing; give it in every [material.regions.NAME], or in none")
-            found[field.name] = {region: read_value(one, key, said, mesh.dim) for region, one in parts.items()}
-    if "coefficient" not in found:
+            values[field.name] = {region: read_value(one, key, said, mesh.dim) for region, one in parts.items()}
+    if "coefficient" not in values:
         raise table.error(f"{next(iter(stated))}, regions", "none is given; give one of the two")
     with context(f"{table.source}: [material]"):
-        return Material.gradient(kind=of, **found)  # type: ignore[arg-type]
+        return Material.gradient(kind=of, **values)  # type: ignore[arg-type]
 
 
 def _one_material(table: TomlTable, dim: int, code: Sequence[str]) -> Material:
@@ -110,25 +110,25 @@ def _one_material(table: TomlTable, dim: int, code: Sequence[str]) -> Material:
 
 def _by_constants(table: TomlTable, dim: int) -> tuple[str, Callable[..., object], dict[str, object]]:
     """Of a linear material: to what its messages belong, what makes it, and from what."""
-    way = _way(table, "lame, or young and poisson, or tensor, or a law")
+    constants = _elastic_constants(table, "lame, or young and poisson, or tensor, or a law")
     for key in table.data:
         if key not in LINEAR_KEYS:
             owners = [name for name, entry in MATERIAL_LAWS.items() if key in {p.key for p in entry.parameters}]
             raise table.error(key, f"belongs to law = {listed(owners)}; add the law, or remove it")
     owner = {"poisson": ("young",), "out_of_plane": ("tensor",), "plane": ("lame", "young")}
     for key, allowed in owner.items():
-        if key in table and way not in allowed:
-            raise table.error(key, f"goes with {' or '.join(allowed)}, not with {way}; remove it")
-    if way == "young" and "poisson" not in table:
+        if key in table and constants not in allowed:
+            raise table.error(key, f"goes with {' or '.join(allowed)}, not with {constants}; remove it")
+    if constants == "young" and "poisson" not in table:
         raise table.error("poisson", "is missing; give it along with young")
     _refuse_plane(table, dim)
-    given = decode(_LINEAR[way], table, dim, out_of_plane=_out_of_plane)
-    if way == "lame":
+    given = decode(_LINEAR[constants], table, dim, out_of_plane=_out_of_plane)
+    if constants == "lame":
         pair = cast(tuple[float, float], read_value(table, "lame", Stated(Form.PAIR), dim))
         if not callable(pair[1]) and not pair[1] > 0:
             raise table.error("lame", f"mu is {pair[1]:g}; it must be positive")
         given |= dict(zip(("lam", "mu"), pair, strict=True))
-    return "young, poisson" if way == "young" else way, _LINEAR[way], given
+    return "young, poisson" if constants == "young" else constants, _LINEAR[constants], given
 
 
 def _out_of_plane(table: TomlTable) -> tuple[float, ...]:
@@ -150,13 +150,13 @@ def _by_law(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[str, Calla
     return "law", entry.build, read_arguments(entry, table, dim)
 
 
-def _way(table: TomlTable, how: str) -> str:
+def _elastic_constants(table: TomlTable, how: str) -> str:
     """By which constants a table states an elasticity."""
-    ways = [way for way in _LINEAR if way in table]
-    if len(ways) != 1:
-        found = f"{' and '.join(ways)} are given" if ways else "no elastic constants are given"
-        raise table.error("lame, young, tensor", f"{found}; give {how}")
-    return ways[0]
+    names = [name for name in _LINEAR if name in table]
+    if len(names) != 1:
+        problem = f"{' and '.join(names)} are given" if names else "no elastic constants are given"
+        raise table.error("lame, young, tensor", f"{problem}; give {how}")
+    return names[0]
 
 
 def _refuse_plane(table: TomlTable, dim: int) -> None:
@@ -185,11 +185,11 @@ def _branches(dim: int, table: TomlTable) -> list[Branch]:
 
 def _branch(table: TomlTable, number: int, value: Mapping[str, object], dim: int) -> Branch:
     one = TomlTable(value, table.source, table.name, keys_of(Branch), f"{table.prefix}branches[{number}].")
-    way = _way(one, "lame, or young and poisson, or tensor")
-    if "time" in one and ("poisson" in one) != (way == "young"):
+    constants = _elastic_constants(one, "lame, or young and poisson, or tensor")
+    if "time" in one and ("poisson" in one) != (constants == "young"):
         raise one.error("poisson", "goes with young, and young with poisson; give both or none")
     given = decode(Branch, one, dim)
-    with context(f"{one.where(way)}:"):
+    with context(f"{one.where(constants)}:"):
         return Branch(**given)
 
 

@@ -197,9 +197,9 @@ def parse_problem(
     return parse_problem_file(text, base_dir, name, code=code).problem
 
 
-def _colon_in_quotes(text: str, told: str) -> str:
+def _colon_in_quotes(text: str, reason: str) -> str:
     """What to write where the key in the line of a TOML error has a colon outside of quotes; else nothing."""
-    line = re.search(r"at line (\d+)", told)
+    line = re.search(r"at line (\d+)", reason)
     if line is None:
         return ""
     key = text.splitlines()[int(line[1]) - 1].partition("=")[0]
@@ -303,14 +303,14 @@ def _inside(value: object) -> Iterable[object]:
 
 def _units(table: TomlTable) -> Units:
     """Units for labels, one checked by one so that the message names its key."""
-    found = Units()
+    units = Units()
     for key in table.data:
         text = table.text(key)
         try:
-            found = replace(found, **{key: text})
+            units = replace(units, **{key: text})
         except ProblemError:
             raise table.error(key, "is no unit; give a short text, such as 'mm', without '$'") from None
-    return found
+    return units
 
 
 # ---- writing ----------------------------------------------------------------------------------------------
@@ -397,17 +397,17 @@ def _as_file(problem: ContactProblem | ManufacturedProblem | ProblemFile) -> Pro
 def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, name: str, files: _Beside | None) -> str:
     """The text, from which the same problem comes back."""
     text = _text(stated, settings, folder, files)
-    found = parse_problem_file(text, folder, name, code=loaded_code())
-    place = (
-        difference(stated.problem, found.problem)
-        or difference(settings, found.solver, "solver")
-        or difference(stated.time, found.time, "time")
-        or difference(stated.output, found.output, "output")
-        or difference(stated.heat, found.heat, "heat")
+    again = parse_problem_file(text, folder, name, code=loaded_code())
+    differs = (
+        difference(stated.problem, again.problem)
+        or difference(settings, again.solver, "solver")
+        or difference(stated.time, again.time, "time")
+        or difference(stated.output, again.output, "output")
+        or difference(stated.heat, again.heat, "heat")
     )
-    if place is not None:
+    if differs is not None:
         raise ProblemError(
-            f"{place} would be read back differently from a problem file, which cannot express it; state it by "
+            f"{differs} would be read back differently from a problem file, which cannot express it; state it by "
             f"numbers, "
             f"formulas as text, and the laws that 'hemivar laws' lists"
         )
@@ -492,13 +492,13 @@ def _read_in_time(
 def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict[str, object]:
     """The tables [time], [output] and [units]."""
     units = stated.units.record()
-    found: dict[str, object] = {"units": units} if units else {}
+    records: dict[str, object] = {"units": units} if units else {}
     if stated.time is not None:
         with IMPORTS:
             from hemivar.files.time_table import output_record, time_record
-        found["time"] = time_record(stated.time, scalar)
-        found["output"] = output_record(stated.time.march, stated.output)
-    return found
+        records["time"] = time_record(stated.time, scalar)
+        records["output"] = output_record(stated.time.march, stated.output)
+    return records
 
 
 def _encoded(data: dict[str, object], settings: SolverSettings) -> str:

@@ -269,9 +269,9 @@ def _put_back(record: Record, path: Path) -> None:
     contact = record.setdefault("contact", {})
     if not sound or not isinstance(contact, dict):
         raise ProblemError(f"'{path.parent / name}' or '{path}' was damaged; write both again")
-    for key, one in arrays.items():
-        place, last = (contact, key.removeprefix(_CONTACT)) if key.startswith(_CONTACT) else (record, key)
-        place[last] = one
+    for key, array in arrays.items():
+        entries, last = (contact, key.removeprefix(_CONTACT)) if key.startswith(_CONTACT) else (record, key)
+        entries[last] = array
 
 
 def read_json(path: str | Path) -> Record:

@@ -41,7 +41,7 @@ class ResumeLog(Generic[Part]):
         part: str,
         digest: str,
         read: Callable[[str], Part],
-        said: Mapping[str, object] | None = None,
+        more: Mapping[str, object] | None = None,
         most_bytes: int = disk.MOST_BYTES,
         wanted: bool = True,
     ) -> None:
@@ -50,7 +50,7 @@ class ResumeLog(Generic[Part]):
         self._wanted = wanted
         self._kind = kind
         self._parts: list[Part] = []
-        head = json.dumps({f"hemivar-{kind}": _FORMAT, "digest": digest, **(said or {})})
+        head = json.dumps({f"hemivar-{kind}": _FORMAT, "digest": digest, **(more or {})})
         if not os.path.lexists(self.path):
             self._write(lambda: disk.write_text(self.path, head + "\n"))
             return

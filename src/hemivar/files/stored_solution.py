@@ -65,13 +65,13 @@ class StoredSolution:
         """What a line holds."""
         data = json.loads(text)
         arrays = [array_of_text(one) for one in data.pop("arrays")]
-        found = decoded(StoredSolution, data, arrays)
-        if min(found.number, found.steps, found.evaluations) < 0:
+        stored = decoded(StoredSolution, data, arrays)
+        if min(stored.number, stored.steps, stored.evaluations) < 0:
             raise ValueError("a number of meshes or steps is negative")
-        finite = np.isfinite(found.unknowns).all() and np.isfinite(found.multiplier).all()
-        if not finite and found.status is not Status.NONFINITE:
+        finite = np.isfinite(stored.unknowns).all() and np.isfinite(stored.multiplier).all()
+        if not finite and stored.status is not Status.NONFINITE:
             raise ValueError("an entry is not finite")
-        return found
+        return stored
 
     def solution(self, problem: DiscreteProblem) -> Solution:
         """The solution, of the problem that it was computed for; without the history of its steps."""
