@@ -50,7 +50,7 @@ def loads_record(problem: ContactProblem) -> dict[str, object]:
         }
 
     record = encode(problem, part="loads", tractions=vectors)
-    parts = {name: quantity_record(one.value, f"tractions['{name}']") for name, one in pushed.items()}
+    parts = {name: quantity_record(load.value, f"tractions['{name}']") for name, load in pushed.items()}
     return {key: value for key, value in (record | {"pressure": parts}).items() if value}
 
 
@@ -90,10 +90,10 @@ def supports_record(problem: ContactProblem) -> dict[str, object]:
     """The table [supports]."""
     if problem.kind:
         return encode(problem, by=OF_ONE).get("supports", {})  # type: ignore[return-value]
-    words: dict[type, str] = {type(one): word for word, one in SUPPORTS.items()}
+    words: dict[type, str] = {type(support): word for word, support in SUPPORTS.items()}
     return {
-        name: words.get(type(one)) or encode(one, f"supports['{name}']")  # type: ignore[arg-type]
-        for name, one in problem.supports.items()
+        name: words.get(type(support)) or encode(support, f"supports['{name}']")  # type: ignore[arg-type]
+        for name, support in problem.supports.items()
     }
 
 
@@ -153,7 +153,7 @@ def heat_record(heat: Heat, aside: SideFiles) -> dict[str, object]:
     """The table [heat]."""
 
     return encode(
-        heat, "heat", contact=lambda parts: {name: _contact_record(name, one, aside) for name, one in parts.items()}
+        heat, "heat", contact=lambda parts: {name: _contact_record(name, part, aside) for name, part in parts.items()}
     )
 
 

@@ -96,7 +96,7 @@ def film_of(history: History) -> Film:
         gap = seen.problem.gap + _worn(seen.memory)
         return FilmFrame(seen.time, seen.displacement, seen.velocity, points, moved, force, seen.states, gap)
 
-    times = np.array([one.time for one in history.frames])
+    times = np.array([frame.time for frame in history.frames])
     paired = np.isin(contact.boundary, [contact.names.index(name) for name in contact.pairs])
     return Film(mesh.points, mesh.cells, times, discrete.evolution.problem.title, frame, paired)
 

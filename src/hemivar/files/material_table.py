@@ -81,16 +81,16 @@ def _gradient(table: TomlTable, mesh: Mesh, of: ScalarKind) -> Material:
         check_named(mesh, regions, region, "region")
     parts = {region: regions.table(region, tuple(stated)) for region in regions.data}
     for key, (field, said) in stated.items():
-        inside = [region for region, one in parts.items() if key in one]
+        inside = [region for region, part in parts.items() if key in part]
         if key in table and inside:
             raise table.error(key, f"is given for the whole and in region '{inside[0]}'; give one of the two")
         if key in table:
             values[field.name] = read_value(table, key, said, mesh.dim)
         elif inside:
-            for one in parts.values():
-                if key not in one:
-                    raise one.error(key, "is missing; give it in every [material.regions.NAME], or in none")
-            values[field.name] = {region: read_value(one, key, said, mesh.dim) for region, one in parts.items()}
+            for part in parts.values():
+                if key not in part:
+                    raise part.error(key, "is missing; give it in every [material.regions.NAME], or in none")
+            values[field.name] = {region: read_value(part, key, said, mesh.dim) for region, part in parts.items()}
     if "coefficient" not in values:
         raise table.error(f"{next(iter(stated))}, regions", "none is given; give one of the two")
     with context(f"{table.source}: [material]"):
@@ -178,18 +178,18 @@ def _viscosity(dim: int, table: TomlTable) -> Moduli:
 def _branches(dim: int, table: TomlTable) -> list[Branch]:
     value = table.data["branches"]
     example = "branches = [{ lame = [2.0, 2.0], time = 0.5 }]"
-    if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
+    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
         raise table.error("branches", f"must be a list of tables, such as {example}")
-    return [_branch(table, number, one, dim) for number, one in enumerate(value)]
+    return [_branch(table, number, item, dim) for number, item in enumerate(value)]
 
 
 def _branch(table: TomlTable, number: int, value: Mapping[str, object], dim: int) -> Branch:
-    one = TomlTable(value, table.source, table.name, keys_of(Branch), f"{table.prefix}branches[{number}].")
-    constants = _elastic_constants(one, "lame, or young and poisson, or tensor")
-    if "time" in one and ("poisson" in one) != (constants == "young"):
-        raise one.error("poisson", "goes with young, and young with poisson; give both or none")
-    given = decode(Branch, one, dim)
-    with context(f"{one.where(constants)}:"):
+    branch = TomlTable(value, table.source, table.name, keys_of(Branch), f"{table.prefix}branches[{number}].")
+    constants = _elastic_constants(branch, "lame, or young and poisson, or tensor")
+    if "time" in branch and ("poisson" in branch) != (constants == "young"):
+        raise branch.error("poisson", "goes with young, and young with poisson; give both or none")
+    given = decode(Branch, branch, dim)
+    with context(f"{branch.where(constants)}:"):
         return Branch(**given)
 
 
@@ -222,8 +222,8 @@ def _gradient_record(material: GradientMaterial) -> dict[str, object]:
     for key, (field, said) in stated_fields(material, by=material.scalar.value).items():
         value = getattr(material, field.name)
         if isinstance(value, Mapping):
-            for region, one in value.items():
-                regions.setdefault(region, {})[key] = written(one, said.form, f"{key} of '{region}'")
+            for region, part in value.items():
+                regions.setdefault(region, {})[key] = written(part, said.form, f"{key} of '{region}'")
         elif value is not None:
             record[key] = written(value, said.form, key)
     return record | ({"regions": regions} if regions else {})

@@ -71,11 +71,11 @@ def _is_part(entry: object) -> bool:
 def _numbers(given: object, read_back: object) -> bool:
     """Whether numbers or arrays are the same, a number and an array of one entry taken for the same."""
     try:
-        one, other = (np.squeeze(np.asarray(value, dtype=object)) for value in (given, read_back))
+        first, second = (np.squeeze(np.asarray(value, dtype=object)) for value in (given, read_back))
     except ValueError:
-        one, other = (np.asarray(value, dtype=object) for value in (given, read_back))
-    none = {one.ndim, other.ndim} == {0, 1} and not np.any(one) and not np.any(other)  # 0 means no vector
-    return none or (one.shape == other.shape and bool(np.all(one == other)))
+        first, second = (np.asarray(value, dtype=object) for value in (given, read_back))
+    none = {first.ndim, second.ndim} == {0, 1} and not np.any(first) and not np.any(second)  # 0 means no vector
+    return none or (first.shape == second.shape and bool(np.all(first == second)))
 
 
 def _mesh(mesh: Mesh) -> tuple[object, ...]:

@@ -191,7 +191,7 @@ def laid_out(value: object, margin: str = "") -> str:
     if not isinstance(value, dict) or not value:
         return json.dumps(value, allow_nan=False)
     inner = margin + " "
-    lines = (f"{inner}{json.dumps(key)}: {laid_out(one, inner)}" for key, one in value.items())
+    lines = (f"{inner}{json.dumps(key)}: {laid_out(entry, inner)}" for key, entry in value.items())
     return "{\n" + ",\n".join(lines) + f"\n{margin}}}"
 
 
@@ -243,9 +243,9 @@ def _with_arrays(
     if os.path.realpath(arrays.parent) != os.path.realpath(path.parent):
         raise ProblemError(f"'{arrays}' must be in the folder of '{path}', which names it")
     beside = {"displacement": solution.displacement}
-    beside |= {f"{_CONTACT}{key}": one for key, one in _contact_record(solution).items() if _numeric(one)}
+    beside |= {f"{_CONTACT}{key}": values for key, values in _contact_record(solution).items() if _numeric(values)}
     record = result_record(solution, certificate)
-    record["contact"] = {key: one for key, one in _contact_record(solution).items() if not _numeric(one)}
+    record["contact"] = {key: values for key, values in _contact_record(solution).items() if not _numeric(values)}
     record |= {key: plain(value) for key, value in more.items()} | {"arrays": arrays.name}
     with whole_file(arrays) as name, name.open("wb") as stream:
         write_arrays(stream, beside)

@@ -97,28 +97,32 @@ def read_arguments(
 ) -> dict[str, object]:
     """What a table gives of the parameters of a law or a material, by their names in Python."""
     values: dict[str, object] = {}
-    for one in entry.parameters:
-        if one.key not in table:
-            if one.required:
+    for argument in entry.parameters:
+        if argument.key not in table:
+            if argument.required:
                 given = ", ".join((f'{entry.key} = "{entry.name}"', *(f"{name} = ..." for name in entry.required)))
                 example = f"{key} = {{ {given} }}" if key else given
-                raise table.error(one.key, f"is missing ({one.said.says}); write {example}")
-        elif one.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
-            least = one.said.lowest if one.said.below is None else -np.inf
-            values[one.name] = table.quantity(one.key, table.data[one.key], dim, least, timed=one.said.timed)
+                raise table.error(argument.key, f"is missing ({argument.said.says}); write {example}")
+        elif argument.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
+            least = argument.said.lowest if argument.said.below is None else -np.inf
+            values[argument.name] = table.quantity(
+                argument.key, table.data[argument.key], dim, least, timed=argument.said.timed
+            )
         else:
-            read = own.get(one.said.form)
-            values[one.name] = read(table, one) if read else read_value(table, one.key, one.said, dim)
+            read = own.get(argument.said.form)
+            values[argument.name] = (
+                read(table, argument) if read else read_value(table, argument.key, argument.said, dim)
+            )
     return values
 
 
 def encode_arguments(entry: LawEntry, value: object, where: str) -> dict[str, object]:
     """The parameters of what an entry makes, from which :func:`read_arguments` reads the same."""
     record = {}
-    for one in entry.parameters:
-        given = getattr(value, one.name, None)
-        if given is not None and (one.default is None or callable(given) or not _equal(given, one.default)):
-            record[one.key] = written(given, one.said.form, f"{where}.{one.name}")
+    for argument in entry.parameters:
+        given = getattr(value, argument.name, None)
+        if given is not None and (argument.default is None or callable(given) or not _equal(given, argument.default)):
+            record[argument.key] = written(given, argument.said.form, f"{where}.{argument.name}")
     return record
 
 
@@ -144,17 +148,17 @@ def _toml(value: object) -> str:
     return f"{value}"
 
 
-def _equal(one: object, other: object) -> bool:
-    if isinstance(one, Mapping):
-        return not one
-    given, default = np.asarray(one), np.asarray(other)
+def _equal(left: object, right: object) -> bool:
+    if isinstance(left, Mapping):
+        return not left
+    given, default = np.asarray(left), np.asarray(right)
     if default.ndim == 0 and given.size:  # a vector of zeros is none
         return bool(np.all(given == default))
     return bool(np.array_equal(given, default))
 
 
-def _default(one: Field[object]) -> object:
-    return one.default if one.default_factory is MISSING else one.default_factory()
+def _default(field: Field[object]) -> object:
+    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> object:
@@ -196,7 +200,7 @@ def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> obje
             return _square(table, key, dim, size, what)
         case Form.PAIR:
             pair = table.items(key, value, (2,), "a list of two numbers or formulas, lambda and mu")
-            return tuple(table.quantity(key, one, dim) for one in pair)
+            return tuple(table.quantity(key, entry, dim) for entry in pair)
     least, above = -np.inf if stated.least is None else stated.least, stated.above if stated.below is None else None
     quantity = table.quantity(key, value, dim, least, above, stated.timed)
     if stated.below is not None and not callable(quantity) and not stated.lowest < quantity < stated.below:
@@ -241,7 +245,7 @@ def _rows(matrix: object, where: str) -> list[object]:
 def written(value: object, form: Form, where: str) -> object:
     """A value, or one for each of several names, as a file states it."""
     if isinstance(value, Mapping):
-        return {name: written(one, form, f"{where}['{name}']") for name, one in value.items()}
+        return {name: written(entry, form, f"{where}['{name}']") for name, entry in value.items()}
     match form:
         case Form.TENSOR:
             if isinstance(value, GradientEnergy):
@@ -252,7 +256,7 @@ def written(value: object, form: Form, where: str) -> object:
         case Form.MATRIX:
             return _rows(value, where)
         case Form.PAIR:
-            return [quantity_record(one, where) for one in value]  # type: ignore[attr-defined]
+            return [quantity_record(entry, where) for entry in value]  # type: ignore[attr-defined]
         case Form.QUANTITY:
             return quantity_record(value, where)
         case Form.VECTOR | Form.POINT:

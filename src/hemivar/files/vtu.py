@@ -181,8 +181,8 @@ def body_fields(
     stated = solution.problem.origin
     field = solution.problem.field
     assert field is not None
-    one = field.components == 1  # of a plane, across it
-    point_data: dict[str, Array] = {field.name: solution.displacement[:, 0]} if one else {}
+    scalar = field.components == 1  # of a plane, across it
+    point_data: dict[str, Array] = {field.name: solution.displacement[:, 0]} if scalar else {}
     point_data["displacement"] = _moved(solution.displacement)
     cell_data: dict[str, Array] = {}
     if isinstance(solution, Snapshot):
@@ -314,8 +314,8 @@ def write_grid(
                 for known, number in field_values.items()
             )
             start = b"<UnstructuredGrid>"
-            begun = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()
-            name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, begun, 1))
+            with_data = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()
+            name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, with_data, 1))
 
 
 def _symmetric_stress(stated: ContactProblem, displacement: Array) -> Array:
