@@ -1,4 +1,4 @@
-"""What a command works with: this process by itself, or all ranks of ``mpirun`` (:mod:`hemivar.ranks.petsc_engine`)."""
+"""The engine (backend) of a command: this process, or all ranks of ``mpirun`` (:mod:`hemivar.ranks.petsc_engine`)."""
 
 from __future__ import annotations
 

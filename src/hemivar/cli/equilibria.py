@@ -1,4 +1,4 @@
-"""``hemivar solutions``, ``path`` and ``bracket``: the equilibria of a problem, at its load and while it grows."""
+"""``hemivar solutions``, ``path`` and ``bracket``: all equilibria at a load, the equilibrium path, the limit load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``hemivar march``: its options, what it writes, how it ends."""
+"""``hemivar march``, time integration: its options, what it writes, how it ends."""
 
 from __future__ import annotations
 

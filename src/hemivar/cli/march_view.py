@@ -1,4 +1,4 @@
-"""A march as it is shown: its steps while it goes, a bar on a terminal, and the summary."""
+"""A march (time integration) as it is shown: its steps while it goes, a bar on a terminal, and the summary."""
 
 from __future__ import annotations
 

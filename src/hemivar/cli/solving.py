@@ -1,4 +1,4 @@
-"""``hemivar solve``, on one mesh or on meshes that are refined until the error is known to be small."""
+"""``hemivar solve``, on one mesh or adaptively: meshes are refined until the error estimate is small."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``hemivar study``, ``sweep`` and ``identify``: a problem on many meshes, for many parameters, against a curve."""
+"""``hemivar study``, ``sweep`` and ``identify``: mesh convergence, parameter sweeps, fits to a measured curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the contact points of a discrete problem lie on its mesh."""
+"""Contact boundaries on the mesh: the facets, nodes and contact points of the trace of a discrete problem."""
 
 from __future__ import annotations
 

@@ -72,22 +72,7 @@ class Change:
 
 
 def read_change(text: str) -> Change:
-    """The change that ``key=value`` asks for, the value as TOML has it.
-
-    Parameters
-    ----------
-    text : str
-        ``key=value``.
-
-    Returns
-    -------
-    Change
-
-    Raises
-    ------
-    ProblemError
-        There is no ``=``, the key is none, or the value is not valid TOML.
-    """
+    """The change that ``key=value`` asks for, the value as TOML has it."""
     key, equals, written = text.partition("=")
     if not equals:
         raise ProblemError(f"--set {printable(text)}: write KEY=VALUE, as in contact.bottom.normal.q_max=0.5")

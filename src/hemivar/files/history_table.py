@@ -64,23 +64,6 @@ def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
 
     ``.pvd`` the frames for ParaView, with a folder of VTU files; ``.csv`` and ``.parquet`` the table;
     ``.json`` the record of :func:`history_record`.
-
-    Parameters
-    ----------
-    history : History
-    path : str or Path
-
-    Returns
-    -------
-    tuple of Path
-        The files to open.
-
-    Raises
-    ------
-    ProblemError
-        Another suffix, or a package that the format needs is not installed.
-    FileError
-        A file cannot be written.
     """
     suffix = path_of(path).suffix.lower()
     if suffix == ".pvd":
@@ -138,24 +121,7 @@ def _arrow() -> tuple[ModuleType, ModuleType]:
 
 
 def read_history_table(path: str | Path) -> dict[str, Array]:
-    """A table that :func:`write_history_table` wrote, by columns, without the units of their headings.
-
-    Parameters
-    ----------
-    path : str or Path
-        Name of the file.
-
-    Returns
-    -------
-    dict of name to array
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, or is no such table.
-    ProblemError
-        pyarrow is not installed.
-    """
+    """A table that :func:`write_history_table` wrote, by columns, without the units of their headings."""
     path = path_of(path)
     name = shown(path)
     if path.suffix.lower() == ".parquet":
@@ -216,39 +182,12 @@ def _without_unit(head: str) -> str:
 
 
 def history_frame(history: History) -> DataFrame:
-    """The table as a pandas DataFrame.
-
-    Parameters
-    ----------
-    history : History
-
-    Returns
-    -------
-    DataFrame
-
-    Raises
-    ------
-    ProblemError
-        pandas is not installed.
-    """
+    """The table as a pandas DataFrame."""
     return data_frame(history_columns(history), "history.table, which needs numpy only")
 
 
 def write_history_json(history: History, path: str | Path, units: Mapping[str, str] | None = None) -> Path:
-    """Write :func:`history_record` to a file that ends in ``.json``; returns its path.
-
-    Parameters
-    ----------
-    history : History
-    path : str or Path
-        Name of the file.
-    units : mapping, optional
-        Units by quantity, which go into the record as ``units``.
-
-    Returns
-    -------
-    Path
-    """
+    """Write :func:`history_record` to a file that ends in ``.json``; returns its path."""
     path = prepared(path, ".json")
     record = {**history_record(history), "units": dict(units)} if units else history_record(history)
     write_text(path, json.dumps(record, allow_nan=False) + "\n")

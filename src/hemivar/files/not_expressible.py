@@ -1,4 +1,4 @@
-"""What a problem file cannot express, in one sentence; and where two statements differ."""
+"""The round trip through a problem file: what it cannot express, in one sentence; where two statements differ."""
 
 from __future__ import annotations
 

@@ -275,22 +275,7 @@ def _put_back(record: Record, path: Path) -> None:
 
 
 def read_json(path: str | Path) -> Record:
-    """A record written by :func:`write_json`; what stands in its second file comes as NumPy arrays.
-
-    Parameters
-    ----------
-    path : str or Path
-        Name of the file.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ProblemError
-        The file is missing, or is not JSON with an object in it.
-    """
+    """A record written by :func:`write_json`; what stands in its second file comes as NumPy arrays."""
     path = path_of(path)
     text = read_text(path, "result file", MOST_BYTES)
     try:

@@ -1,4 +1,4 @@
-"""What is done of long work: a line of JSON for each part, appended when it is done, so that work can go on from it."""
+"""Checkpoint of long work as a log: a line of JSON for each part, appended when it is done, to continue from."""
 
 from __future__ import annotations
 

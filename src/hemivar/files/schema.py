@@ -1,4 +1,4 @@
-"""Fields of statements read from a table of a problem file and written to one, as each of them says.
+"""The schema of problem files: fields of statements read from a table and written to one, as each of them says.
 
 See :mod:`hemivar.basics.stated`. Reading and writing go through the same list of fields; what has its default is not
 written.

@@ -1,4 +1,4 @@
-"""A solution on one line of JSON, every bit of it, without the problem that it solves."""
+"""A solution serialised as one line of JSON, every bit of it, without the problem that it solves."""
 
 from __future__ import annotations
 
