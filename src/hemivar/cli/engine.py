@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 from hemivar.basics.defined_above import above
 from hemivar.basics.signals import handled
 from hemivar.cli.options import ENGINES, check_engine
+from hemivar.cli.terminal import COALESCE
 from hemivar.errors import HemivarError, ProblemError
 
 if TYPE_CHECKING:
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["Asked", "Engine", "engine_named"]
 
 T = TypeVar("T")
-
-#: Signals within so many seconds count as one.
-_COALESCE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +122,7 @@ class Engine:
 
         def note(number: int, _: object) -> None:
             now = time.monotonic()
-            if asked and now - asked[-1] > _COALESCE and number == signal.SIGINT:
+            if asked and now - asked[-1] > COALESCE and number == signal.SIGINT:
                 raise KeyboardInterrupt
             if not asked:
                 asked.append(now)

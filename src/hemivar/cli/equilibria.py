@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BracketCommand", "PathCommand", "SolutionsCommand"]
 
+#: Folds, branch points and jumps that are printed of each, so that they stay on one screen; --json has all.
 _SHOWN = 12
 
 

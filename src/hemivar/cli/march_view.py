@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MarchView", "code_of", "print_history"]
 
+#: Events and messages that are printed, so that the summary stays on one screen; --json has all.
 _SHOWN = 8
-#: Without a terminal a line is printed for steps this part of the whole apart.
-_APART = 0.05
 
 
 class MarchView:
@@ -40,7 +39,7 @@ class MarchView:
         self.series: Series | None = None
         self._head, self._begin_series = head, begin
         self._bar = Bar(quiet)
-        self._told = -math.inf
+        self._printed = -math.inf
         self._warned = False
 
     def __enter__(self) -> MarchView:
@@ -88,11 +87,12 @@ class MarchView:
         what = f"{row.time:.6g}   length {row.step:.3g}   residual {row.residual:.1e}   left {left}"
         if self._bar.drawn:
             self._bar.show(f"t {what}", done)
-        elif done - self._told >= _APART or event.stepped.happened or row.jumped or done >= 1.0:
-            if self._told < 0.0:
+        # without a terminal a line for each twentieth of the time
+        elif done - self._printed >= 0.05 or event.stepped.happened or row.jumped or done >= 1.0:
+            if self._printed < 0.0:
                 head = f"{'step':>7}  {'time':>11}  {'length':>9}  {'residual':>9}  {'margin':>8}  {'normal force':>13}"
                 print(f"\n{head}  left")
-            self._told = done
+            self._printed = done
             force = row.values["normal_force"]
             line = f"{event.stepped.state.index:>7}  {row.time:>11.6g}  {row.step:>9.3g}  {row.residual:>9.2e}"
             happened = ", ".join((*event.stepped.happened, *(("jumped",) if row.jumped else ())))

@@ -232,8 +232,7 @@ def pictures_of(session: Session, solution: Solution, certificate: Certificate |
     return {"--plot": body, "--plot-contact": contact}
 
 
-_GIB = 2.0**30
-#: Parts of the whole that are rounding.
+#: Parts of the whole below which a share is shown as 0 %: machine precision times thousands of operations.
 _ROUNDING = 1e-12
 
 
@@ -322,7 +321,7 @@ class _AdaptiveCommand(OnProblem):
             asked.goal,
             max_unknowns=asked.max_unknowns or AdaptOptions.max_unknowns,
             max_time=asked.max_time or math.inf,
-            max_memory=(asked.max_memory or math.inf) * _GIB,
+            max_memory=(asked.max_memory or math.inf) * 2.0**30,
             method=session.solver(asked.method),
             controls=controls_of(stated, asked.rtol, max_steps=asked.max_steps),
         )

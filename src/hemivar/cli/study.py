@@ -167,9 +167,6 @@ def _record(study: Study, name: str) -> Record:
     }
 
 
-_SHOWN = 40
-
-
 class SweepCommand(OnProblem):
     """Count the solutions, and compute the margin, over ranges of parameters; goes on where it was interrupted.
 
@@ -253,7 +250,7 @@ class SweepCommand(OnProblem):
         print(f"parameters        {ranged}: {math.prod(len(axis.values) for axis in axes)} points")
         swept = watched(sweeping(self.problem, axes, options))
         table = sweep_table(swept, units=session.stated.units)
-        if len(table.rows) <= _SHOWN:
+        if len(table.rows) <= 40:  # which a screen shows
             print_table(console(), table, keys=len(swept.axes))
         else:
             print(f"                  {len(table.rows)} points are done; --csv writes their table")

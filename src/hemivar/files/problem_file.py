@@ -61,9 +61,9 @@ __all__ = [
     "write_problem",
 ]
 
-#: Bytes of a problem file.
+#: Bytes of a problem file that are read; larger data belong in mesh files and tables.
 _MOST_BYTES = 16 * 2**20
-#: Tables and lists in one another that are read.
+#: Tables and lists in one another that are read: those of a problem are fewer than ten, Python bears about a thousand.
 _DEEPEST = 50
 
 

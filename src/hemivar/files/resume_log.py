@@ -14,7 +14,6 @@ from hemivar.errors import FileError
 
 __all__ = ["ResumeLog"]
 
-_FORMAT = 3
 #: What a line begins with: the check of the rest of it.
 _CHECK = '{"check": "'
 
@@ -50,7 +49,7 @@ class ResumeLog(Generic[Part]):
         self._wanted = wanted
         self._kind = kind
         self._parts: list[Part] = []
-        head = json.dumps({f"hemivar-{kind}": _FORMAT, "digest": digest, **(more or {})})
+        head = json.dumps({f"hemivar-{kind}": 3, "digest": digest, **(more or {})})
         if not os.path.lexists(self.path):
             self._write(lambda: disk.write_text(self.path, head + "\n"))
             return
