@@ -32,7 +32,7 @@ def blocks(upper: tuple[int, ...], lower: tuple[int, ...], degrees: float = 0.0)
     return turned(hv.Mesh.assembled({"u": make(size, upper, origin=shift), "l": make(size, lower)}), degrees)
 
 
-def pressed(mesh: hv.Mesh, contact: hv.Contact, order: int = 1) -> hv.ContactProblem:
+def pressed_pair(mesh: hv.Mesh, contact: hv.Contact, order: int = 1) -> hv.ContactProblem:
     """Pressed from above, with rollers on three sides: the stress is uniform."""
     sides = ["left", "front"][: mesh.dim - 1]
     held = {"l:bottom": hv.Roller()} | {f"{part}:{side}": hv.Roller() for part in "ul" for side in sides}
@@ -66,7 +66,7 @@ def test_uniform_pressure_goes_through_meshes_that_do_not_match(
     sizes: tuple[tuple[int, ...], tuple[int, ...]], order: int, friction: hv.laws.Friction, slave: str, degrees: float
 ) -> None:
     contact = hv.Contact(hv.Signorini(), friction, against="l:top", slave=slave)
-    solution = hv.solve(pressed(blocks(*sizes, degrees), contact, order))
+    solution = hv.solve(pressed_pair(blocks(*sizes, degrees), contact, order))
     assert solution.status is hv.Status.CONVERGED
     # a residual of 1e-12 of the load, over the weight of a point
     rounding = 1e-12 * PRESSURE / solution.problem.contact.weights
@@ -267,7 +267,7 @@ def test_the_gap_of_the_geometry_is_added_to_the_stated_one() -> None:
     mesh = hv.Mesh.assembled(
         {"u": hv.rectangle((1.0, 1.0), (7, 2), origin=(0.0, 1.01)), "l": hv.rectangle((1.0, 1.0), (5, 2))}
     )
-    discrete = hv.discretize(pressed(mesh, hv.Contact(hv.Signorini(), gap=0.02, against="l:top")))
+    discrete = hv.discretize(pressed_pair(mesh, hv.Contact(hv.Signorini(), gap=0.02, against="l:top")))
     np.testing.assert_allclose(discrete.offset[:, 0], 0.03, rtol=1e-12)
 
 
@@ -318,8 +318,8 @@ def test_slip_is_counted_in_facets_whatever_the_share_of_a_point(order: int, rev
 
 def test_a_much_softer_body_has_the_contact_points_then_the_finer_one_then_the_one_that_is_held_less() -> None:
     against = {"u:bottom": hv.Contact(hv.Signorini(), against="l:top")}
-    assert pressed(blocks((7, 3), (5, 4)), against["u:bottom"]).pair("u:bottom") == ("u:bottom", "l:top")
-    assert pressed(blocks((5, 3), (7, 4)), against["u:bottom"]).pair("u:bottom") == ("l:top", "u:bottom")
+    assert pressed_pair(blocks((7, 3), (5, 4)), against["u:bottom"]).pair("u:bottom") == ("u:bottom", "l:top")
+    assert pressed_pair(blocks((5, 3), (7, 4)), against["u:bottom"]).pair("u:bottom") == ("l:top", "u:bottom")
     alike = hv.ContactProblem(
         blocks((5, 3), (5, 4)),
         MATERIAL,
@@ -329,7 +329,7 @@ def test_a_much_softer_body_has_the_contact_points_then_the_finer_one_then_the_o
     assert alike.pair("u:bottom") == ("l:top", "u:bottom")
     for ratio, slave in ((3.0, "u:bottom"), (5.0, "l:top")):
         material = hv.Material.by_region({"u": hv.Material.young(ratio, 0.3), "l": hv.Material.young(1.0, 0.3)})
-        stiffer = replace(pressed(blocks((7, 3), (5, 4)), against["u:bottom"]), material=material)
+        stiffer = replace(pressed_pair(blocks((7, 3), (5, 4)), against["u:bottom"]), material=material)
         assert stiffer.pair("u:bottom")[0] == slave
 
 
@@ -378,7 +378,7 @@ def test_three_blocks_on_each_other_and_two_on_one() -> None:
 )
 def test_what_is_wrong_with_a_pair_is_told(change: dict[str, object], words: str) -> None:
     def stated() -> hv.DiscreteProblem:
-        return hv.discretize(pressed(blocks((7, 3), (5, 4)), hv.Contact(hv.Signorini(), **change)))  # type: ignore[arg-type]
+        return hv.discretize(pressed_pair(blocks((7, 3), (5, 4)), hv.Contact(hv.Signorini(), **change)))  # type: ignore[arg-type]
 
     with pytest.raises(hv.errors.ProblemError, match=words):
         stated()

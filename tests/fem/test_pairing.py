@@ -22,7 +22,7 @@ def rotation(rng: np.random.Generator, dim: int) -> Array:
     return np.asarray(turn)
 
 
-def scattered(dim: int, seed: int) -> tuple[hv.Mesh, IntArray, IntArray, np.random.Generator]:
+def scattered_blocks(dim: int, seed: int) -> tuple[hv.Mesh, IntArray, IntArray, np.random.Generator]:
     """A block among smaller ones that are turned, apart from each other; its boundary, and some of theirs."""
     rng, make = np.random.default_rng(seed), hv.rectangle if dim == 2 else hv.box
     size = np.array([1.0] * (dim - 1) + [0.5])
@@ -68,7 +68,7 @@ def paired_with(pieces: Pairing, facet: int, place: Array) -> list[int]:
 
 @pytest.mark.parametrize(("dim", "seed"), [(2, 0), (2, 1), (2, 2), (3, 4), (3, 21), (3, 37)])
 def test_each_place_has_the_first_facet_that_a_ray_along_its_normal_meets(dim: int, seed: int) -> None:
-    mesh, slave, master, rng = scattered(dim, seed)
+    mesh, slave, master, rng = scattered_blocks(dim, seed)
     pieces, normal = paired(mesh, slave, master, "blocks"), mesh.facet_normals(slave)[0]
     found = 0
     for facet in rng.integers(0, len(slave), 60):

@@ -32,7 +32,7 @@ _ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[float, ...], tuple[str, ...]]:
     """Times between start and end at which a formula of a statement has a kink, and sentences on what is not known."""
-    found: list[float] = []
+    kinks: list[float] = []
     doubts: list[str] = []
     for formula in dict.fromkeys(_formulas(statement, 0)):
         if "t" not in formula.variables:
@@ -45,14 +45,14 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
                 f"that matter as stops"
             )
             continue
-        found += times.tolist()
+        kinks += times.tolist()
         if not sure:
             doubts.append(
                 f"the kinks in time of the formula '{formula.text}' could not all be found; name those that matter as "
                 "stops"
             )
     kept: list[float] = []
-    for time in sorted(found):
+    for time in sorted(kinks):
         if not kept or time - kept[-1] > _SAME * max(abs(start), abs(until)):
             kept.append(time)
     return tuple(kept), tuple(doubts)

@@ -31,7 +31,7 @@ __all__ = [
     "DescentSolver",
     "Slowed",
     "bottom",
-    "downhill",
+    "gradient_flow",
     "regularising_viscosity",
     "slowed",
 ]
@@ -142,12 +142,12 @@ def bottom(
     system = workspace.condensed(problem)
     if not chain.stable(theta, segment):
         return None
-    found = chain.correct(theta, segment, system.load[system.free])
-    if found is None or not chain.inside(found, segment, _ROUNDING * chain.length).all():
+    minimiser = chain.correct(theta, segment, system.load[system.free])
+    if minimiser is None or not chain.inside(minimiser, segment, _ROUNDING * chain.length).all():
         return None
-    if not chain.stable(found, segment):
+    if not chain.stable(minimiser, segment):
         return None
-    r, lam = chain.local(found, segment)
+    r, lam = chain.local(minimiser, segment)
     u, residuals = system.recover(r, lam)
     if not residuals[0].below(controls.atol, controls.rtol):
         return None
@@ -169,9 +169,9 @@ class DescentSolver:
 
     def solved(self, problem: DiscreteProblem, u: Array, controls: Controls) -> Solution:
         """The solution of a problem from u (n,)."""
-        found = solve(problem, self.solver, controls, initial=u, workspace=self.workspace)
-        check_interrupt(found.status)
-        return found
+        solution = solve(problem, self.solver, controls, initial=u, workspace=self.workspace)
+        check_interrupt(solution.status)
+        return solution
 
     def on_levels(self, problem: DiscreteProblem) -> Body | None:
         """The body of a problem as multigrid has it; None where it treats it not."""
@@ -180,7 +180,7 @@ class DescentSolver:
         return self.multigrid.prepare(problem, self.workspace)
 
 
-def downhill(
+def gradient_flow(
     problem: DiscreteProblem,
     slowed: Slowed,
     u: Array,
@@ -200,13 +200,13 @@ def downhill(
         solution = by.solved(slow.under(here), u, tight)
         u = solution.unknowns
         # What a leap onward leaves out of balance inside the body is no part of the way of a body with free motions.
-        way, solved = u - (start if slowed.contact is None else solved), u
+        increment, solved = u - (start if slowed.contact is None else solved), u
         off = residual(problem, u, solution.multiplier)
         if off.below(controls.atol, controls.rtol) and solution.status not in STOPPED:
             return replace(solution, problem=problem, residual=off, status=Status.CONVERGED)
         if not _leads_on(solution, controls):
             return replace(solution, problem=problem, residual=off)
-        if slowed.contact is not None and _endless(problem, u, way):
+        if slowed.contact is not None and _endless(problem, u, increment):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
         known = dependent or not problem.law.splits or problem.contact.components > 2
         if chain is None and not known and by.workspace.condenses(slow):
@@ -219,7 +219,7 @@ def downhill(
                 if there is not None:
                     return there
             last = segment
-            u = _onward(problem, u, way)
+            u = _onward(problem, u, increment)
             continue
         after = problem.local(u)
         law = problem.law.frozen(after, solution.multiplier)
@@ -227,16 +227,16 @@ def downhill(
         softens, leaves = vectors.largest(float(bent), float(_leaves(law, before, after))).tolist()
         if softens and not dependent:
             if looks.due(not leaves):
-                found = _on_pieces(problem, u, by, controls)
-                if found is not None:
-                    return found
+                minimiser = _on_pieces(problem, u, by, controls)
+                if minimiser is not None:
+                    return minimiser
         elif looks.due(not leaves) if dependent else not leaves:
             # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
             there = by.solved(problem, u, controls)
             stays = not vectors.largest(float(_leaves(law, after, there.local)))[0]
             if _leads_on(there, controls) and stays:
                 return there
-        u = _onward(problem, u, way)
+        u = _onward(problem, u, increment)
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
 
 
@@ -252,27 +252,27 @@ def _leads_on(solution: Solution, controls: Controls) -> bool:
     return solution.status not in STOPPED and solution.residual.below(controls.atol, controls.rtol)
 
 
-def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[float], bool], float] | None:
+def _further(problem: DiscreteProblem, u: Array, increment: Array) -> tuple[Callable[[float], bool], float] | None:
     """Whether the energy goes on to fall so many times the last step further, on the same pieces of all laws; and the
     steps that are a small part of where the body is. None where contact points do not move, or leave their kinks."""
     r, bulk, vectors = problem.local(u), problem.bulk, problem.vectors
-    slip = r - problem.local(u - way)
+    slip = r - problem.local(u - increment)
     size, far = vectors.largest(float(np.abs(slip).max(initial=0.0)), float(np.abs(r).max(initial=0.0))).tolist()
-    held = ~problem.law.linearise(r).smooth
-    held = np.column_stack([held[:, :1], np.repeat(held[:, 1:], slip.shape[1] - 1, axis=1)])
-    moves = float(np.abs(slip[held]).max(initial=0.0))
+    at_kink = ~problem.law.linearise(r).smooth
+    at_kink = np.column_stack([at_kink[:, :1], np.repeat(at_kink[:, 1:], slip.shape[1] - 1, axis=1)])
+    moves = float(np.abs(slip[at_kink]).max(initial=0.0))
     if not size > 0.0 or vectors.largest(moves)[0] > _RESTS * size:
         return None
-    slip = np.where(held, 0.0, slip)
+    slip = np.where(at_kink, 0.0, slip)
     linear = not isinstance(bulk, Potential)
-    pull = -float(way @ problem.out_of_balance(u))
-    bend = float(way @ bulk.gradient(way)) if linear else 0.0
+    pull = -float(increment @ problem.out_of_balance(u))
+    bend = float(increment @ bulk.gradient(increment)) if linear else 0.0
     weights = problem.contact.weights[:, None]
 
     def against(times: float) -> float:
         if linear:
             return pull + times * bend
-        return -float(way @ problem.out_of_balance(u + times * way))
+        return -float(increment @ problem.out_of_balance(u + times * increment))
 
     def falls(times: float) -> bool:
         there = r + times * slip
@@ -284,38 +284,38 @@ def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[
     return falls, _ONWARD * far / size
 
 
-def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
+def _onward(problem: DiscreteProblem, u: Array, increment: Array) -> Array:
     """Further along the last step, where steps crawl, as they do beside the end of a path of equilibria (n,).
 
     As far as the energy goes on to fall, on the same pieces of all laws, so that no barrier is crossed.
     """
     dependent = problem.vectors.largest(float(problem.law.state_dependent))[0]
-    further = None if dependent else _further(problem, u, way)
+    further = None if dependent else _further(problem, u, increment)
     if further is None:
         return u
     (falls, most), times = further, 0.0
     while max(2.0 * times, 1.0) <= most and falls(max(2.0 * times, 1.0)):
         times = max(2.0 * times, 1.0)
-    return u + times * way
+    return u + times * increment
 
 
-def _endless(problem: DiscreteProblem, u: Array, way: Array) -> bool:
+def _endless(problem: DiscreteProblem, u: Array, increment: Array) -> bool:
     """Whether the energy still falls where the last step leads on to, many times the size of the body away, on the same
     pieces of all laws."""
-    further = None if problem.law.state_dependent or problem.field is None else _further(problem, u, way)
+    further = None if problem.law.state_dependent or problem.field is None else _further(problem, u, increment)
     if further is None or problem.field is None:
         return False
-    step = float(np.abs(problem.contact.trace @ way).max(initial=0.0))
+    step = float(np.abs(problem.contact.trace @ increment).max(initial=0.0))
     return step > 0.0 and further[0](_AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
 
 
 def _on_pieces(problem: DiscreteProblem, u: Array, by: DescentSolver, controls: Controls) -> Solution | None:
     """The bottom of the pieces on which a place lies, where laws that soften leave the body stable there."""
     method, body = by.multigrid, by.on_levels(problem)
-    found = None if body is None else _minimiser_on_pieces(method, body, u, controls)
-    if found is None:
+    minimiser = None if body is None else _minimiser_on_pieces(method, body, u, controls)
+    if minimiser is None:
         return None
-    x, multiplier, off = found
+    x, multiplier, off = minimiser
     return Solution(problem, x, multiplier, Status.CONVERGED, off, method.name, 1)
 
 

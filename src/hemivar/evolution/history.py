@@ -219,11 +219,11 @@ class History(PickleMixin, ReprMixin):
             return f"{lost} step{'s' if lost > 1 else ''} may have several solutions{why}"
         damped = [one.damping for one in contacts if one.damping is not None]
         sampled = law.alpha_doubt or law.lipschitz_sampled
-        held = [part.name for one in contacts for part in one.remembers if part.iterates]
+        iterated = [part.name for one in contacts for part in one.remembers if part.iterates]
         if self.discrete.heat is not None:
-            held.append("heat")
-        if held:
-            what = " and ".join(dict.fromkeys(held))
+            iterated.append("heat")
+        if iterated:
+            what = " and ".join(dict.fromkeys(iterated))
             return f"every step has one solution only for given {what}, which it iterates: the margin is one without it"
         if sampled or any(one.alpha_sampled for one in damped):
             doubt = law.alpha_doubt

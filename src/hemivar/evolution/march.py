@@ -147,22 +147,22 @@ def marching(
         except HemivarError as error:  # what was computed until then is not given up
             if len(loop.rows) == 1 or not _of_all(error, discrete):
                 raise
-            loop.tell(str(error))
+            loop.note(str(error))
             ended = "refused"
             break
         if taken is None:
             ended = happened[0]
             break
         event = loop.accept(taken, happened)
-        told = yield replace(event, unkept=unkept) if unkept else event
+        interrupt = yield replace(event, unkept=unkept) if unkept else event
         late = kept is not None and clock.perf_counter() - written >= 60.0 * kept.minutes
         # What the clock says differs between processes: the largest holds for all.
-        told, due, late = discrete.vectors.largest(float(bool(told)), budget.due(), float(late)).tolist()
+        interrupt, due, late = discrete.vectors.largest(float(bool(interrupt)), budget.due(), float(late)).tolist()
         if late and kept is not None:
             unkept = _keep(kept, loop)
             written = clock.perf_counter()
-        if stop or told or due:
-            ended = f"event: {happened[-1]}" if stop else "interrupted" if told else "max_time"
+        if stop or interrupt or due:
+            ended = f"event: {happened[-1]}" if stop else "interrupted" if interrupt else "max_time"
             break
     return loop.history(ended, "" if kept is None else _keep(kept, loop))
 

@@ -31,7 +31,7 @@ from hemivar.certificates.linear_bodies import UNKNOWN, below, lower_bound_by
 from hemivar.certificates.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.evolution.barrier import way_bends_downwards
+from hemivar.evolution.barrier import path_bends_downwards
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import BoundaryLaw
@@ -54,7 +54,7 @@ def crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
     """Whether a body without viscosity and mass left its equilibrium at once in a step."""
     stages = stepper.stages
     return not stages.resists and any(
-        stages.convexity_defect(stage) >= 0.0 and way_bends_downwards(stage.problem, solution, stage.start)
+        stages.convexity_defect(stage) >= 0.0 and path_bends_downwards(stage.problem, solution, stage.start)
         for stage, solution in zip(taken.stages, taken.solutions, strict=True)
     )
 
@@ -68,11 +68,11 @@ class StepError:
     size: float
     #: At the contact points, and the largest displacement since the start.
     slid: float
-    way: float
+    displacement: float
 
-    def relative(self, size: float, way: float) -> tuple[float, float]:
+    def relative(self, size: float, displacement: float) -> tuple[float, float]:
         """Both parts, in the energy norm and at the contact points, of the largest sizes so far."""
-        return self.energy / size if size > 0.0 else 0.0, self.slid / way if way > 0.0 else 0.0
+        return self.energy / size if size > 0.0 else 0.0, self.slid / displacement if displacement > 0.0 else 0.0
 
 
 def step_error(stepper: TimeStepper, taken: StepResult, origin: Array, after_kink: bool = False) -> StepError:
@@ -96,13 +96,14 @@ def step_error(stepper: TimeStepper, taken: StepResult, origin: Array, after_kin
     square, slid, whole = discrete.vectors.total(
         square, float(weights @ (off**2).sum(axis=1)), float(weights.sum())
     ).tolist()
-    (way,) = discrete.vectors.largest(float(np.abs(after.body.displacement - origin).max(initial=0.0))).tolist()
+    farthest = float(np.abs(after.body.displacement - origin).max(initial=0.0))
+    (farthest,) = discrete.vectors.largest(farthest).tolist()
     size = after.ledger.elastic + after.ledger.kinetic
     return StepError(
         math.sqrt(max(square, 0.0)),
         math.sqrt(2.0 * max(size, 0.0)),
         math.sqrt(slid / whole) if whole > 0.0 else 0.0,
-        way,
+        farthest,
     )
 
 
@@ -139,9 +140,9 @@ class Margins:
         law = problem.law
         if self._known[0] is body and self._known[1] is law and law.alpha_is_one:
             return self._known[2]
-        found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
-        self._known = body, law, found
-        return found
+        margin = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
+        self._known = body, law, margin
+        return margin
 
     def largest_step(self, taken: StepResult) -> float:
         """Largest step with a positive margin, of motion and heat, to a percent; inf if any, nan where it is not looked
@@ -159,10 +160,10 @@ class Margins:
         problem = taken.stages[0].problem
         if problem.law is self._last[0] and taken.step == self._last[1]:
             return self._last[2]
-        found = self._largest_of(taken, problem)
+        length = self._largest_of(taken, problem)
         if not problem.law.state_dependent:
-            self._last = problem.law, taken.step, found
-        return found
+            self._last = problem.law, taken.step, length
+        return length
 
     def _largest_of(self, taken: StepResult, problem: DiscreteProblem) -> float:
         alphas = [np.asarray(alpha) for alpha in problem.law.weak_convexity_at(-problem.offset)]
@@ -172,11 +173,11 @@ class Margins:
         if problem.unknowns > _SMALL or problem.law.state_dependent or lower_bound_by(problem) == UNKNOWN:
             return math.nan
         changes = "law" in self.advance.discrete.evolution.problem.time_dependent  # and is another in longer steps
-        told = np.array([taken.step, taken.before.time if changes else 0.0])
+        data = np.array([taken.step, taken.before.time if changes else 0.0])
         # Damping stiffens a law from where a point is on: by less in a longer step, from another place in the next one.
         varies = any(block.damping is not None or not block.memory.of_state for block in blocks)
         damped = [taken.before.local.displacement[:, 0]] if varies else []
-        key = b"".join(alpha.tobytes() for alpha in (told, *alphas, *damped))
+        key = b"".join(alpha.tobytes() for alpha in (data, *alphas, *damped))
         if key != self._largest[0]:
             self._largest = key, self._sought(taken)
         return self._largest[1]
@@ -240,11 +241,11 @@ class Margins:
         it is not held."""
         if factors not in self._matrices:
             try:
-                found = SchurComplement.of(below(self.advance.stages.bodies.body(*factors, keep=False))).matrix
+                stiffness = SchurComplement.of(below(self.advance.stages.bodies.body(*factors, keep=False))).matrix
             except ProblemError:
-                found = None
-            self._matrices[factors] = found
-            size = 1 if found is None else found.nbytes
+                stiffness = None
+            self._matrices[factors] = stiffness
+            size = 1 if stiffness is None else stiffness.nbytes
             while len(self._matrices) > max(_FEWEST, _BYTES // max(size, 1)):
                 self._matrices.popitem(last=False)
         self._matrices.move_to_end(factors)

@@ -21,12 +21,12 @@ from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.initial import apply_impulse, initial_state
 from hemivar.evolution.initial_equilibrium import (
-    begun,
+    gap_jump,
+    has_instantaneous_part,
+    instantaneous_equilibrium,
     longest_without_swing,
-    ramped,
-    settled,
-    sunk_by_a_jump,
-    yields_at_once,
+    with_own_balance,
+    with_ramped_work,
 )
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import OnEvent
@@ -177,8 +177,8 @@ class TimeLoop:
         if discrete.problem.idle is not None:
             self.doubts += (f"at t = {self.start:g} {discrete.problem.idle}",)
         self.ends = _ends(plan, self.start, () if controlled else kinks)
-        self.yields = yields_at_once(discrete)
-        self.unsettled: StepResult | None = None
+        self.instantaneous = has_instantaneous_part(discrete)
+        self.no_equilibrium: StepResult | None = None
         self.identity = ""
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
@@ -188,7 +188,7 @@ class TimeLoop:
         self.state: TimeState
         self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
-        self.told = False
+        self.reported = False
         self.beyond: tuple[str, ...] = ()
 
     def begin(self) -> None:
@@ -201,7 +201,7 @@ class TimeLoop:
                 self._refuse_misfit(kept, march)
         if march is None:
             self.messages: list[str] = list(self.doubts)
-            self.state = self._begun(initial_state(self.stepper, self.step_size.step))
+            self.state = self._initial_equilibrium(initial_state(self.stepper, self.step_size.step))
             self.frames = Frames(self.plan.save, self.start)
             self.frames.offer(self.discrete, self.state)
             self.rows = [self._row(None)]
@@ -211,7 +211,7 @@ class TimeLoop:
         else:
             self.state, self.step_size = march.state, march.pace
             self.largest, self.farthest, self.origin = march.largest, march.farthest, march.origin
-            self.frames = Frames(self.plan.save, self.start, march.frames, march.frame_place)
+            self.frames = Frames(self.plan.save, self.start, march.frames, march.frame_counters)
             self.rows, self.events, self.messages = list(march.rows), list(march.events), list(march.messages)
             self.bound.square, self.bound.straight = march.bound, march.straight
             if self.state.time > self.plan.until:
@@ -236,11 +236,11 @@ class TimeLoop:
         """
         goal = next(end for end in self.ends if end > self.state.time)
         begin = self._beginning(goal)
-        if self.unsettled is not None:
-            why = self.unsettled.status
+        if self.no_equilibrium is not None:
+            why = self.no_equilibrium.status
             return None, (_BROKEN if why is Status.NOT_CARRIED else why.value,), True
         if isinstance(self.stepper, ControlledStepper) and self.stepper.broken(begin):
-            self.tell(f"broken at t = {begin.time:.10g}: the joint carries less than a hundredth of its largest load")
+            self.note(f"broken at t = {begin.time:.10g}: the joint carries less than a hundredth of its largest load")
             return None, (_BROKEN,), True
         tried = self._tried(begin, goal)
         if isinstance(tried, Status):
@@ -252,7 +252,7 @@ class TimeLoop:
             and self.margins.margin(tried.taken) <= 0.0
         ):
             where = f"at t = {tried.taken.state.time:g} a step may have several solutions"
-            self.tell(f"{where}; the run stops before it, as requested")
+            self.note(f"{where}; the run stops before it, as requested")
             return None, ("margin lost",), True
         self._tell_of_misses(tried)
         taken, happened, stop = self._located(tried.taken)
@@ -266,7 +266,7 @@ class TimeLoop:
         if begin.time not in self.ends and begin.index:
             return begin
         length, _ = self._fitted(begin.time, goal)
-        begin = apply_impulse(self.stepper, self._settled(begin, length), length)
+        begin = apply_impulse(self.stepper, self._equilibrium_after_jump(begin, length), length)
         return replace(begin, history=None) if self.plan.scheme.multistep else begin
 
     def _fitted(self, time: float, goal: float) -> tuple[float, float]:
@@ -299,9 +299,9 @@ class TimeLoop:
         """Whether a step that is solved stands."""
         errors = self.errors
         if self.stepping.estimates:
-            found = step_error(self.stepper, taken, self.origin, self._after_kink)
-            self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
-            errors = found.relative(self.largest, self.farthest)
+            estimate = step_error(self.stepper, taken, self.origin, self._after_kink)
+            self.largest, self.farthest = max(self.largest, estimate.size), max(self.farthest, estimate.displacement)
+            errors = estimate.relative(self.largest, self.farthest)
         error = max(errors) if self.stepping.estimates else None
         stands, following = self.stepping.after(self.step_size, error, self.plan.scheme.order)
         return stands, _Tried(taken, self.step_size, errors, following)
@@ -327,65 +327,65 @@ class TimeLoop:
             )
         last = f"t = {self.state.time:.10g}"
         if taken.status is Status.NOT_CARRIED:
-            self.tell(
+            self.note(
                 f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on. The load may exceed "
                 "what the foundation can carry; for a closer time take shorter steps"
             )
             return
-        self.tell(f"the step from {last} to {reached:.10g} could not be solved: {remedy}")
+        self.note(f"the step from {last} to {reached:.10g} could not be solved: {remedy}")
 
     def _tell_of_misses(self, tried: _Tried) -> None:
         """Say that a step is not as exact as was asked for."""
         error = max(tried.errors) if self.stepping.estimates else None
-        if not self.stepping.missed(error) or self._told(_MISSED):
+        if not self.stepping.missed(error) or self._has_message(_MISSED):
             return
         why, remedy = "which cannot be shorter", "allow shorter steps or take"
         if tried.unsolved:
             why, remedy = f"and those tried that are shorter, down to {tried.unsolved:.3g}, cannot be solved", "take"
-        self.tell(
+        self.note(
             f"{_MISSED} first in the step to t = {tried.taken.state.time:g}, {why}: its error is about {error:.2g} "
             f"of the whole; {remedy} a larger rtol. Where a load or a support jumps, name its time as a stop, and take "
             "implicit-euler"
         )
 
-    def _begun(self, state: TimeState) -> TimeState:
+    def _initial_equilibrium(self, state: TimeState) -> TimeState:
         """The initial state: a body without mass is in equilibrium with what acts, and the balance begins so."""
-        if not self.yields:
+        if not self.instantaneous:
             return state
         now = self.stepper.data_from(state).at(state.time)
         try:
-            taken = self._yielded(state, self.step_size.step, now, now)
+            taken = self._equilibrium(state, self.step_size.step, now, now)
         except OutOfTime:  # the march ends at its first step
             return state
         if taken is None:
             return state
-        stated, found = state.body.displacement, taken.state.body.displacement
+        stated, displacement = state.body.displacement, taken.state.body.displacement
         off, far = self.discrete.vectors.largest(
-            float(np.abs(found - stated).max(initial=0.0)), float(np.abs(found).max(initial=0.0))
+            float(np.abs(displacement - stated).max(initial=0.0)), float(np.abs(displacement).max(initial=0.0))
         ).tolist()
         if self.discrete.evolution.displacement is not None and off > _MOVED * far:
-            self.tell(
+            self.note(
                 "the initial displacement is not in equilibrium where the body has no mass; the run starts from "
                 "the nearest equilibrium,"
                 f" {off:.3g} away: leave it out, or give mass or viscosity"
             )
-        return begun(taken.state)
+        return with_own_balance(taken.state)
 
-    def _settled(self, state: TimeState, step: float) -> TimeState:
+    def _equilibrium_after_jump(self, state: TimeState, step: float) -> TimeState:
         """A state at which a load jumps, with a body without mass in the equilibrium that follows."""
         data = self.stepper.data_from(state)
-        if not (self.yields and data.jumps_at(state.time)):
+        if not (self.instantaneous and data.jumps_at(state.time)):
             return state
-        taken = self._yielded(state, step, data.before(state.time), data.after(state.time))
+        taken = self._equilibrium(state, step, data.before(state.time), data.after(state.time))
         return state if taken is None else taken.state
 
-    def _yielded(self, state: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
+    def _equilibrium(self, state: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
         """The equilibrium with what acts now; None, and no further step, if it is not found."""
-        taken = settled(self.stepper, state, step, SelectionRule(self.plan.jump), start, now)
+        taken = instantaneous_equilibrium(self.stepper, state, step, SelectionRule(self.plan.jump), start, now)
         if taken.status is not Status.CONVERGED:
-            self.unsettled = taken
+            self.no_equilibrium = taken
             if taken.status is not Status.INTERRUPTED:
-                self.tell(
+                self.note(
                     f"the equilibrium at t = {state.time:.10g}, in which a body without mass starts or continues, "
                     f"could not be computed: {taken.remedy}"
                 )
@@ -394,7 +394,7 @@ class TimeLoop:
         if jumped:
             self._tell_of_jump(taken, self.margins.margin(taken))
         if taken.jumps or taken.state.ledger.jumps == state.ledger.jumps:
-            taken = ramped(self.discrete, taken, start, now)
+            taken = with_ramped_work(self.discrete, taken, start, now)
         return taken
 
     @property
@@ -413,21 +413,21 @@ class TimeLoop:
         if not taken.before.index or taken.before.time in self.stops:
             longest = longest_without_swing(self.stepper, taken)
             if longest < taken.step:
-                self.tell(
+                self.note(
                     f"from t = {taken.before.time:g} on displacements oscillate about the equilibrium, and so does "
                     f"the damage, because the viscosity relaxes within a step; take steps below {longest:.3g}, or "
                     f"implicit-euler"
                 )
-        jump, depth = sunk_by_a_jump(self.stepper, taken)
-        if jump and not self._told(_SINKS):
-            self.tell(
+        jump, depth = gap_jump(self.stepper, taken)
+        if jump and not self._has_message(_SINKS):
+            self.note(
                 f"{_SINKS} by {jump:.3g} in the step to t = {taken.state.time:g} and penetrates up to {depth:.3g}, "
                 f"because {self.plan.scheme.name} acts on velocities; move the gap over some steps, or take "
                 "implicit-euler"
             )
         healed = healing(self.discrete, taken.before, taken.state)
-        if healed and not self._told(_HEALS):
-            self.tell(
+        if healed and not self._has_message(_HEALS):
+            self.note(
                 f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: beyond its strength it closes "
                 f"along its opening curve; leave memory = () out"
             )
@@ -437,18 +437,18 @@ class TimeLoop:
         self.events += [(self.state.time, name) for name in happened]
         self.levels = self._levels(self.state, margin)
         last = self.state.time >= self.plan.until
-        earlier = () if self.told else self._earlier()
-        self.told = True
+        earlier = () if self.reported else self._earlier()
+        self.reported = True
         frame = self.frames.offer(self.discrete, self.state, last=last or bool(happened))
         done = (self.state.time - self.start) / (self.plan.until - self.start)
         return StepEvent(self.rows[-1], frame, self.state, done, happened, earlier)
 
     def _tell_of_jump(self, taken: StepResult, margin: float) -> None:
         """Say that the body jumped from one equilibrium to another."""
-        if self._told("the body jumped"):
+        if self._has_message("the body jumped"):
             return
         when = taken.state.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
-        self.tell(
+        self.note(
             f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
             f"and no viscosity selects one; jump = '{self.plan.jump}' did"
         )
@@ -461,12 +461,12 @@ class TimeLoop:
     def _tell_of_lag(self, taken: StepResult) -> None:
         """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
         convexity_defect = max(self.stepper.stages.convexity_defect(stage) for stage in taken.stages)
-        if convexity_defect < 0.0 or self._told(_LAGS):
+        if convexity_defect < 0.0 or self._has_message(_LAGS):
             return
         steps = regularising_viscosity(convexity_defect)
         lag = steps * taken.step
         if steps > _FEW and lag > _LATE * (self.plan.until - self.start):
-            self.tell(
+            self.note(
                 f"{_LAGS} what acts on it by up to {lag:.3g}, {steps:.3g} steps, from t = {taken.before.time:g} on. "
                 f"The artificial viscosity makes the step unique; its dissipation is reported under 'jumps'; "
                 f"take shorter steps, or jump = 'arc-length'"
@@ -494,7 +494,7 @@ class TimeLoop:
             self.step_size,
             tuple(self.rows),
             tuple(self.frames.kept),
-            self.frames.place,
+            self.frames.counters,
             tuple(self.events),
             tuple(self.messages),
             self.largest,
@@ -504,12 +504,12 @@ class TimeLoop:
             self.bound.straight,
         )
 
-    def tell(self, message: str) -> None:
+    def note(self, message: str) -> None:
         """Say something in the end, once: a march that goes on may meet the same again."""
         if message not in self.messages:
             self.messages.append(message)
 
-    def _told(self, beginning: str) -> bool:
+    def _has_message(self, beginning: str) -> bool:
         """Whether something that begins so is said already."""
         return any(message.startswith(beginning) for message in self.messages)
 
@@ -585,9 +585,9 @@ class TimeLoop:
                 high = middle
             else:
                 low = middle.step
-        found = [self.plan.events[k] for k in risen(high)]
-        names = tuple(getattr(event, "label", event.name) for event in found)
-        return high, names, any(event.then is OnEvent.STOP for event in found)
+        happened = [self.plan.events[k] for k in risen(high)]
+        names = tuple(getattr(event, "label", event.name) for event in happened)
+        return high, names, any(event.then is OnEvent.STOP for event in happened)
 
     # ---- the table -------------------------------------------------------------------------------------------
 
@@ -606,7 +606,7 @@ class TimeLoop:
         values["time_error"] = math.sqrt(self.bound.square) if self.bound.norm else math.nan
         contacts = self.discrete.contacts.values()
         if any(isinstance(one, Contact) and one.friction.state_dependent for one in contacts):
-            values["fallbacks"] = 0.0 if taken is None else float(sum(found.fallbacks for found in taken.solutions))
+            values["fallbacks"] = 0.0 if taken is None else float(sum(one.fallbacks for one in taken.solutions))
         if taken is None:
             return Row(state.time, 0.0, 0, 0.0, math.nan, math.nan, values)
         steps = sum(solution.steps for solution in taken.solutions)

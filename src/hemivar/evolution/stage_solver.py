@@ -29,8 +29,8 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError, ProblemError
-from hemivar.evolution.barrier import way_bends_downwards
-from hemivar.evolution.descent import TIGHT, DescentSolver, Slowed, bottom, downhill, slowed
+from hemivar.evolution.barrier import path_bends_downwards
+from hemivar.evolution.descent import TIGHT, DescentSolver, Slowed, bottom, gradient_flow, slowed
 from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
 from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.stage import Stage, StageState, extrapolated_multiplier, out_of_balance_force, stage_state
@@ -114,8 +114,8 @@ class JumpPaths:
         )
         start = before.local.displacement - stage.origin
         theta, segment = chain.nearest(start, before.multiplier)
-        place, pressed = chain.local(theta, segment)
-        line = LoadLine(problem, problem.under(problem.contact_force(pressed), offset=-place))
+        local, pressed = chain.local(theta, segment)
+        line = LoadLine(problem, problem.under(problem.contact_force(pressed), offset=-local))
         slope = chain.force - chain.out_of_balance(theta, segment, np.zeros(chain.size))
         jumps: list[DissipatedJump] = []
         part = 0.0
@@ -148,10 +148,10 @@ def _ended(
     problem: DiscreteProblem,
     u: Array,
     jumps: list[DissipatedJump],
-    place: tuple[Array, IntArray] | None = None,
+    on_graph: tuple[Array, IntArray] | None = None,
 ) -> StageSolution:
     """The end of a step, maybe at a known place on the graph of the law."""
-    at = None if place is None else bottom(fall.chain, problem, *place, fall.controls, fall.paths.workspace)
+    at = None if on_graph is None else bottom(fall.chain, problem, *on_graph, fall.controls, fall.paths.workspace)
     if at is not None:
         return StageSolution(at, jumps=tuple(jumps))
     solution = fall.down(problem, u)
@@ -172,7 +172,8 @@ class _GradientFlow:
     def down(self, problem: DiscreteProblem, u: Array) -> Solution:
         """Down the gradient in the norm of K."""
         slow = slowed(self.paths.bodies, problem, self.convexity_defect)
-        return downhill(problem, slow, u, DescentSolver(self.solver, self.paths.workspace), self.controls, self.chain)
+        by = DescentSolver(self.solver, self.paths.workspace)
+        return gradient_flow(problem, slow, u, by, self.controls, self.chain)
 
     def jumped(self, part: float, problem: DiscreteProblem, u: Array, landed: Solution) -> list[DissipatedJump]:
         """The jump from a place to where it led, if it was one."""
@@ -195,14 +196,14 @@ def predicted_contact(stage: Stage, body: Body) -> Array | None:
     swings = not rule.ends or rule.rate.velocity or rule.rate.acceleration
     if not before.index or swings or rule.restitution is not None:
         return None
-    way = before.body.acceleration[: stage.problem.unknowns] / rule.acceleration.difference
-    weights, stiffness, r = body.weights[:, None], body.diagonal, body.local(way)
-    force = body.spread(body.load[body.unknown] - body.pull(way))
+    increment = before.body.acceleration[: stage.problem.unknowns] / rule.acceleration.difference
+    weights, stiffness, r = body.weights[:, None], body.diagonal, body.local(increment)
+    force = body.spread(body.load[body.unknown] - body.pull(increment))
     pair = stiffness[:, [0, min(1, r.shape[1] - 1)]] / weights
-    place = body.law.on_graph((stiffness * r + force) / weights, pair).r
-    if not np.isfinite(place).all():
+    expected = body.law.on_graph((stiffness * r + force) / weights, pair).r
+    if not np.isfinite(expected).all():
         return None
-    return body.moved(np.zeros(way.shape), np.where(body.active, place, body.fixed))
+    return body.moved(np.zeros(increment.shape), np.where(body.active, expected, body.fixed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +237,7 @@ class StageSolver:
     def size(self, stage: Stage) -> float:
         """Size of the forces that act on a stage: its load, and the contact forces before it."""
         contact, lam = self.discrete.problem.contact, stage.before.multiplier
-        load = stage.load if stage.held else stage.load[: stage.problem.unknowns]
+        load = stage.load if stage.fixed_supports else stage.load[: stage.problem.unknowns]
         if self.discrete.vectors.alone:
             return norm(load) + norm(contact.pressed(contact.weights[:, None] * lam))
         return float(self.discrete.vectors.norms(load, contact.force(lam)).sum())
@@ -263,13 +264,13 @@ class StageSolver:
         if not any(alpha.any() for alpha in alphas):
             return 0.0
 
-        def found() -> float:
+        def computed() -> float:
             if self.condenses(stage.problem):
                 return self.workspace.condensed(stage.problem, many=True).body.softening(*alphas)
             frozen = stage.problem if law is stage.problem.law else stage.problem.with_(law=law)
             return smallness(frozen, trace_constant=False, workspace=self.workspace).constant
 
-        return stage.operator.constants.once(tuple(np.asarray(alpha).tobytes() for alpha in alphas), found)
+        return stage.operator.constants.once(tuple(np.asarray(alpha).tobytes() for alpha in alphas), computed)
 
     def condenses(self, problem: DiscreteProblem) -> bool:
         """Whether stages are solved on the body condensed onto its contact points, by the default method."""
@@ -292,19 +293,19 @@ class StageSolver:
             self._condense(stage.problem)
             paths = JumpPaths(self.bodies, self.workspace)
             return paths.follow(stage, convexity_defect, jump, self.solver, controls)
-        found = self._sought(stage, initial, jump, controls)
-        if found.solution.status in _UNSETTLED and controls.rtol > 0.0:
+        solved = self._sought(stage, initial, jump, controls)
+        if solved.solution.status in _UNSETTLED and controls.rtol > 0.0:
             # In so short a step forces may not be known to the tolerance, for displacements are not; flows of heat that
             # the rounding of temperatures hides change none.
             known = _rounding(stage)
             if _hides(known, controls) or (self.discrete.stores and known > controls.atol):
-                found = self._sought(stage, initial, jump, controls.within(known))
+                solved = self._sought(stage, initial, jump, controls.within(known))
             elif controls.atol == 0.0:  # nothing acts yet that they could be held against, as before a jump
                 again = self._sought(stage, initial, jump, controls.within(known / TIGHT))
-                found = again if again.solution.residual.relative <= _KNOWN else found
-        if found.solution.status is Status.CONVERGED and _untold(self.discrete, stage, controls):
-            return replace(found, solution=replace(found.solution, status=Status.INACCURATE), reached=None)
-        return found
+                solved = again if again.solution.residual.relative <= _KNOWN else solved
+        if solved.solution.status is Status.CONVERGED and _untold(self.discrete, stage, controls):
+            return replace(solved, solution=replace(solved.solution, status=Status.INACCURATE), reached=None)
+        return solved
 
     def _condense(self, problem: DiscreteProblem) -> None:
         """Condense a body as steps with one solution do: answers must not depend on which steps were taken before."""
@@ -328,12 +329,12 @@ class StageSolver:
         self._condense(problem)
         if jump is SelectionRule.GLOBAL and not self.resists:
             _refuse_without_energy(problem, jump)
-            found: SolutionSet = above("stage_solver.find_solutions", "jump = 'global'")(
+            minimisers: SolutionSet = above("stage_solver.find_solutions", "jump = 'global'")(
                 problem, workspace=self.workspace
             )
             check_time()  # the lowest of a search that was cut short need not be the lowest
-            if found.solutions:
-                return StageSolution(min(found.solutions, key=lambda solution: solution.energy))
+            if minimisers.solutions:
+                return StageSolution(min(minimisers.solutions, key=lambda solution: solution.energy))
         at_rest = self._at_rest(problem)
         if at_rest is not None:
             return at_rest
@@ -353,7 +354,7 @@ class StageSolver:
         walked = self._walked(stage, slow, start, controls) if self.condenses(problem) else None
         if walked is not None:
             return StageSolution(walked)
-        return StageSolution(downhill(problem, slow, start, DescentSolver(self.solver, self.workspace), controls))
+        return StageSolution(gradient_flow(problem, slow, start, DescentSolver(self.solver, self.workspace), controls))
 
     def _walked(self, stage: Stage, slow: Slowed, start: Array, controls: Controls) -> Solution | None:
         """Downhill from where the body is, on its contact points; None where such steps do not settle."""
@@ -376,21 +377,21 @@ class StageSolver:
             return None
         method = None if self.solver is None else self.solver.local_descent()
         try:
-            found = solve(stage.problem, method, controls, initial=start, workspace=self.workspace)
+            solution = solve(stage.problem, method, controls, initial=start, workspace=self.workspace)
         except ProblemError:  # an energy without a lower bound may have a local minimum
             return None
-        check_interrupt(found.status)
-        if found.status in STOPPED:
-            return StageSolution(found)
-        if found.status is Status.CONVERGED and not way_bends_downwards(stage.problem, found, stage.start):
-            return StageSolution(found)
+        check_interrupt(solution.status)
+        if solution.status in STOPPED:
+            return StageSolution(solution)
+        if solution.status is Status.CONVERGED and not path_bends_downwards(stage.problem, solution, stage.start):
+            return StageSolution(solution)
         return None
 
-    def _follows(self, stage: Stage, found: Solution) -> bool:
+    def _follows(self, stage: Stage, solution: Solution) -> bool:
         """Whether a pair of the condensed body is a strict minimiser, with no barrier on the straight way there."""
         system = self.workspace.condensed(stage.problem, many=True)
-        stable = stands(system, found.local, found.multiplier)
-        return stable and not way_bends_downwards(stage.problem, found, stage.start)
+        stable = stands(system, solution.local, solution.multiplier)
+        return stable and not path_bends_downwards(stage.problem, solution, stage.start)
 
     def _at_rest(self, problem: DiscreteProblem) -> StageSolution | None:
         """The solution where the body is, if nothing acts there and the foundation does not push.
@@ -437,11 +438,11 @@ class StageSolver:
             reached = stage_state(self.discrete, stage, unknowns)
             return out_of_balance_force(self.discrete, stage, reached, enough)
 
-        known, rounds = left if stage.held else None, FEW_ROUNDS if from_rest else ROUNDS
-        found = active_set_newton(system, r, lam, controls, stage.operator.newton, known, rounds)
-        if found is None:
+        known, rounds = left if stage.fixed_supports else None, FEW_ROUNDS if from_rest else ROUNDS
+        solution = active_set_newton(system, r, lam, controls, stage.operator.newton, known, rounds)
+        if solution is None:
             return None
-        return StageSolution(found, reached=reached if reached and reached.unknowns is found.unknowns else None)
+        return StageSolution(solution, reached=reached if reached and reached.unknowns is solution.unknowns else None)
 
 
 def _start(stage: Stage, initial: Solution | None) -> Array:
@@ -461,7 +462,7 @@ def _refuse_without_energy(problem: DiscreteProblem, jump: SelectionRule) -> Non
 def _rounding(stage: Stage) -> float:
     """Forces that displacements make which are known to half a unit in their last place."""
     sums, n = stage.problem.bulk.row_sums, stage.problem.unknowns
-    size = norm(sums * stage.place[:n]) + float(sums.max(initial=0.0)) * norm(stage.offset)
+    size = norm(sums * stage.prediction[:n]) + float(sums.max(initial=0.0)) * norm(stage.offset)
     return 0.5 * float(np.finfo(float).eps) * size
 
 
@@ -471,11 +472,11 @@ def _untold(discrete: DiscreteEvolution, stage: Stage, controls: Controls) -> bo
     A body that comes to rest is none of these: the rounding is next to nothing beside the elastic forces then.
     """
     sums, n = stage.problem.bulk.row_sums, stage.problem.unknowns
-    made = 8.0 * float(np.finfo(float).eps) * norm(sums * stage.place[:n])
+    made = 8.0 * float(np.finfo(float).eps) * norm(sums * stage.prediction[:n])
     if not (controls.rtol > 0.0 and 0.0 < controls.atol < controls.rtol * made / _TELLS):
         return False
     elastic = discrete.stiffness.row_sums
-    return made > _NOTHING * norm(elastic * stage.place[: elastic.size])
+    return made > _NOTHING * norm(elastic * stage.prediction[: elastic.size])
 
 
 def _hides(known: float, controls: Controls) -> bool:

@@ -159,8 +159,8 @@ class AdaptiveStep(StepSizeController):
         error /= self.rtol
         if error > 1.0:
             rungs = max(1, math.ceil(math.log2(error) / (order + 1) + 0.1))
-            found = self._down(step_size, rungs)
-            return (True, step_size) if found is None else (False, found)
+            smaller = self._down(step_size, rungs)
+            return (True, step_size) if smaller is None else (False, smaller)
         grown = 2.0 * step_size.step
         fits = self.most is None or grown <= self.most * (1.0 + 1e-9)
         if fits and error < 0.8 * 2.0 ** -(order + 1):

@@ -171,8 +171,8 @@ class TimeBound:
             off, *size = discrete.vectors.largest(*sizes).tolist()
             if off > _STRAIGHT * max(size):
                 self.straight = False
-                found = self._dual(gap[: discrete.unknowns])
-                mean, square = mean + weight * math.sqrt(found), square + weight * found
+                dual = self._dual(gap[: discrete.unknowns])
+                mean, square = mean + weight * math.sqrt(dual), square + weight * dual
         return mean, square
 
     def _dual(self, force: Array) -> float:

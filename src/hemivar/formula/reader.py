@@ -50,20 +50,20 @@ class Reader:
         self.variables = tuple(variables)
         self.pieces = pieces
         code, self.places = "", []
-        for place, character in enumerate(text):
+        for index, character in enumerate(text):
             piece = "**" if character == "^" else " " if character.isspace() else character
             code += piece
-            self.places += [place] * len(piece)
+            self.places += [index] * len(piece)
         self.skipped = len(code) - len(code.lstrip())
         self.code = code.strip()
 
     def error(self, what: str, column: int | None = None) -> ProblemError:
         """The error to raise; ``column`` counts from zero in the code that is parsed."""
-        place = ""
+        where = ""
         if column is not None and self.places:
             index = min(max(column + self.skipped, 0), len(self.places) - 1)
-            place = f" at character {self.places[index] + 1}"
-        return ProblemError(f"{self.prefix}formula '{shown(self.text)}'{place}: {what}")
+            where = f" at character {self.places[index] + 1}"
+        return ProblemError(f"{self.prefix}formula '{shown(self.text)}'{where}: {what}")
 
     def graph(self) -> tuple[Graph, int]:
         """The formula as a node of a graph."""
@@ -217,7 +217,7 @@ def _planted(tree: ast.expr, graph: Graph) -> int:
             return graph.node("piecewise", *arguments)
         case ast.Call(func=ast.Name(id=name), args=several):
             return (
-                functools.reduce(lambda a, b: graph.node(name, a, b), [_planted(one, graph) for one in several])
+                functools.reduce(lambda a, b: graph.node(name, a, b), [_planted(branch, graph) for branch in several])
                 if (len(several) > 1)
                 else graph.node(name, _planted(several[0], graph))
             )

@@ -134,9 +134,9 @@ class Kernels:
             expect_list(f"{name} of rows", array, kind)
         if indices.size != data.size or not indptr.size:
             raise ValueError(f"{indices.size} columns must have as many numbers, not {data.size}")
-        found, at = np.empty(indptr.size - 1), self.address
-        self.check(self.call.hv_diagonal(found.size, data.size, at(indptr), at(indices), at(data), at(found)))
-        return found
+        out, at = np.empty(indptr.size - 1), self.address
+        self.check(self.call.hv_diagonal(out.size, data.size, at(indptr), at(indices), at(data), at(out)))
+        return out
 
     def add_product(
         self, left: sp.csr_array, right: sp.csr_array, out: tuple[AnyArray, AnyArray, Array], columns: int
@@ -160,15 +160,15 @@ class Kernels:
     def curvature(self, p: Array, q: Array, diagonal: Array) -> tuple[float, float]:
         """``p'q`` and ``p' diag(diagonal) p`` of arrays (n,), summed in the same order by any number of threads."""
         at, p, q = self.address, _vector(p, p.size), _vector(q, p.size)
-        found = np.empty(2)
-        self.check(self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(found)))
-        return float(found[0]), float(found[1])
+        out = np.empty(2)
+        self.check(self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(out)))
+        return float(out[0]), float(out[1])
 
     def products(self, z: Array, r: Array, q: Array) -> tuple[float, float]:
         """``z'r`` and ``z'q`` of arrays (n,), summed in the same order by any number of threads."""
-        at, n, found = self.address, z.size, np.empty(2)
-        self.check(self.call.hv_products(n, at(_vector(z, n)), at(_vector(r, n)), at(_vector(q, n)), at(found)))
-        return float(found[0]), float(found[1])
+        at, n, out = self.address, z.size, np.empty(2)
+        self.check(self.call.hv_products(n, at(_vector(z, n)), at(_vector(r, n)), at(_vector(q, n)), at(out)))
+        return float(out[0]), float(out[1])
 
     def turn(self, factor: float, z: Array, p: Array) -> None:
         """``p = z + factor p``, in place; both arrays (n,)."""
@@ -187,10 +187,10 @@ class Kernels:
 
 def _vector(x: Array, n: int) -> Array:
     """A contiguous and aligned array (n,) of these numbers."""
-    found = np.require(x, float, ["C", "A"])
-    if found.shape != (n,):
-        raise ValueError(f"a vector of {n} numbers is needed, not {found.shape}")
-    return found
+    vector = np.require(x, float, ["C", "A"])
+    if vector.shape != (n,):
+        raise ValueError(f"a vector of {n} numbers is needed, not {vector.shape}")
+    return vector
 
 
 def expect_list(what: str, array: AnyArray, kind: DTypeLike) -> None:

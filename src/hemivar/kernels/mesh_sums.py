@@ -195,12 +195,12 @@ def mesh_stars(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray, AnyArra
     if nodes < 0:
         raise ValueError(f"there cannot be {nodes} nodes")
     start, pairs = np.empty(nodes + 1, dtype=np.int64), np.empty(cells.size, dtype=np.int64)
-    place = np.empty(cells.size, dtype=np.int32)
-    status = library.call.hv_stars(corners, nodes, len(cells), at(cells), at(start), at(pairs), at(place))
+    corner = np.empty(cells.size, dtype=np.int32)
+    status = library.call.hv_stars(corners, nodes, len(cells), at(cells), at(start), at(pairs), at(corner))
     if status == 2:
         raise ValueError(f"nodes of cells must be between 0 and {nodes - 1}")
     library.check(status)
-    return start, pairs, place
+    return start, pairs, corner
 
 
 def alike_rows(values: Array, others: Array | None, tolerance: float) -> IntArray | None:

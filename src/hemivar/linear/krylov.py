@@ -135,15 +135,15 @@ def minimal_residuals(
     x, R, rest = np.zeros_like(b), np.zeros((limit, limit)), [size]
     if not size > tolerance:
         return x, 0
-    basis, images, turns, largest = [b / size], list[Array](), list[tuple[float, float]](), 0.0
+    basis, images, turns, largest = np.empty((8, b.size)), list[Array](), list[tuple[float, float]](), 0.0
+    np.divide(b, size, out=basis[0])
     for k in range(limit):
         images.append(precondition(basis[k]))
         w = A(images[k])
         column = np.zeros(k + 1)
         for _ in range(2):  # once more for what rounding leaves
-            parts = vectors.total(*(float(q @ w) for q in basis))
-            for part, q in zip(parts.tolist(), basis, strict=True):
-                w = w - part * q
+            parts = vectors.total(*(basis[: k + 1] @ w).tolist())
+            w = w - parts @ basis[: k + 1]
             column += parts
         below = float(vectors.norms(w)[0])
         largest = max(largest, below, float(np.abs(column).max()))
@@ -154,7 +154,9 @@ def minimal_residuals(
         late = 0.0 if due is None else float(vectors.largest(due())[0])
         if abs(rest[k + 1]) <= tolerance or late or not below > _FLAT * largest:
             break
-        basis.append(w / below)
+        if k + 1 == len(basis):
+            basis = np.concatenate([basis, np.empty_like(basis)])
+        np.divide(w, below, out=basis[k + 1])
     count = len(images)
     y = np.linalg.lstsq(R[:count, :count], np.array(rest[:count]), rcond=None)[0]
     for part, image in zip(y.tolist(), images, strict=True):

@@ -16,7 +16,7 @@ from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution import Scheme
 from hemivar.evolution.data_in_time import StatedData
-from hemivar.evolution.descent import DescentSolver, downhill, slowed
+from hemivar.evolution.descent import DescentSolver, gradient_flow, slowed
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.margin import Margins
@@ -102,7 +102,8 @@ class StageSolverOnRanks(StageSolver):
         by = DescentSolverOnRanks(self.solver, self.workspace, self.controls, self.alarm)
         if not 0.0 <= convexity_defect < math.inf:
             return StageSolution(by.solved(problem, start, controls))
-        return StageSolution(downhill(problem, slowed(self.bodies, problem, convexity_defect), start, by, controls))
+        slow = slowed(self.bodies, problem, convexity_defect)
+        return StageSolution(gradient_flow(problem, slow, start, by, controls))
 
 
 @dataclass(frozen=True, eq=False)

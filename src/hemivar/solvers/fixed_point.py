@@ -17,6 +17,7 @@ from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
+from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.contact_system import PointSystem
 from hemivar.systems.workspace import Workspace
 
@@ -95,7 +96,7 @@ class FixedPoint(Solver):
         return self.inner.handles_nonlinear
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
-        if not problem.law.state_dependent:
+        if not problem.law.state_dependent or isinstance(self.inner, TruncatedNewton):  # which asks for no law
             return self.inner.refuse(problem)
         start = problem.local(np.zeros(problem.unknowns))
         return self.inner.refuse(problem.with_(law=problem.law.frozen(start, np.zeros(start.shape))))
