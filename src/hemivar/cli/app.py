@@ -17,6 +17,7 @@ import typer
 
 from hemivar import __version__
 from hemivar.basics.disk import shown, write_text
+from hemivar.basics.user_code import stands_at
 from hemivar.cli import options as opt
 from hemivar.cli.command import Command, Done, function_of
 from hemivar.cli.comparison import CertifyCommand, CompareCommand, SurveyCommand
@@ -99,6 +100,8 @@ def _guarded(arguments: list[str] | None, out: Stream) -> int:
             usage = error.format_message()
             usage = usage.rstrip(".") + (" " if usage.endswith("?") else "; ")
             return _complain(f"{usage}see 'hemivar --help'")
+        if line := stands_at(error):
+            return _complain(f"{line}: {type(error).__name__}: {error}; correct this code")
         return _complain(internal_error(error), Exit.INTERNAL)
     if code == Exit.INTERRUPTED:
         why = ": standard output is no longer read" if out.reader_left else ""

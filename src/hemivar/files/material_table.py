@@ -74,25 +74,25 @@ def _material(table: TomlTable, mesh: Mesh, code: Sequence[str]) -> Material:
 
 def _gradient(table: TomlTable, mesh: Mesh, of: ScalarKind) -> Material:
     """The material of one component, each of its fields over the whole mesh or in every region of it."""
-    stated = stated_fields(GradientMaterial, by=of.value)
-    table.only(("regions", *stated))
+    schema = stated_fields(GradientMaterial, by=of.value)
+    table.only(("regions", *schema))
     regions, values = table.table("regions", None), dict[str, object]()
     for region in regions.data:
         check_named(mesh, regions, region, "region")
-    parts = {region: regions.table(region, tuple(stated)) for region in regions.data}
-    for key, (field, said) in stated.items():
+    parts = {region: regions.table(region, tuple(schema)) for region in regions.data}
+    for key, (field, stated) in schema.items():
         inside = [region for region, part in parts.items() if key in part]
         if key in table and inside:
             raise table.error(key, f"is given for the whole and in region '{inside[0]}'; give one of the two")
         if key in table:
-            values[field.name] = read_value(table, key, said, mesh.dim)
+            values[field.name] = read_value(table, key, stated, mesh.dim)
         elif inside:
             for part in parts.values():
                 if key not in part:
                     raise part.error(key, "is missing; give it in every [material.regions.NAME], or in none")
-            values[field.name] = {region: read_value(part, key, said, mesh.dim) for region, part in parts.items()}
+            values[field.name] = {region: read_value(part, key, stated, mesh.dim) for region, part in parts.items()}
     if "coefficient" not in values:
-        raise table.error(f"{next(iter(stated))}, regions", "none is given; give one of the two")
+        raise table.error(f"{next(iter(schema))}, regions", "none is given; give one of the two")
     with context(f"{table.source}: [material]"):
         return Material.gradient(kind=of, **values)  # type: ignore[arg-type]
 
@@ -219,13 +219,13 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
 def _gradient_record(material: GradientMaterial) -> dict[str, object]:
     record: dict[str, object] = {}
     regions: dict[str, dict[str, object]] = {}
-    for key, (field, said) in stated_fields(material, by=material.scalar.value).items():
+    for key, (field, stated) in stated_fields(material, by=material.scalar.value).items():
         value = getattr(material, field.name)
         if isinstance(value, Mapping):
             for region, part in value.items():
-                regions.setdefault(region, {})[key] = written(part, said.form, f"{key} of '{region}'")
+                regions.setdefault(region, {})[key] = written(part, stated.form, f"{key} of '{region}'")
         elif value is not None:
-            record[key] = written(value, said.form, key)
+            record[key] = written(value, stated.form, key)
     return record | ({"regions": regions} if regions else {})
 
 

@@ -211,13 +211,13 @@ def parse_problem_file(
     text: str,
     base_dir: str | Path = ".",
     name: str = "problem",
-    place: Callable[[StatedMesh], Mesh] | None = None,
+    make_mesh: Callable[[StatedMesh], Mesh] | None = None,
     changes: Sequence[Change] = (),
     code: Sequence[str] = (),
 ) -> ProblemFile:
     """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
 
-    ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
+    ``make_mesh`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
     ``changes`` replace what the file says, before anything of it is read. ``code`` is as for :func:`read_problem`.
     """
     checked_code(code)
@@ -241,7 +241,7 @@ def parse_problem_file(
     units = _units(top.table("units", KEYS["units"]))
     folder, table = Path(base_dir), _mesh_table(top)
     stated = read_mesh_table(table, folder)
-    mesh = stated.build() if place is None else place(stated)
+    mesh = stated.build() if make_mesh is None else make_mesh(stated)
     levels = stated.recipe.halvings + stated.recipe.refine
     field = _field(top, table, stated, mesh) if of_one else None
     material = read_material(top.table("material", None), mesh, field, code)

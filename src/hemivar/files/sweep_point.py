@@ -75,7 +75,7 @@ class SweepPoint:
             It is no such line.
         """
         point = decoded(SweepPoint, json.loads(text), [])
-        if any(one < 0 for one in point.place):
+        if any(index < 0 for index in point.place):
             raise ValueError("the place is not a list of whole numbers")
         if len({len(getattr(point, name)) for name in (*_OF_SOLUTIONS, "kinds")}) > 1:
             raise ValueError("solutions have energies, kinds, penetrations and forces")

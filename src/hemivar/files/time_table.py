@@ -162,8 +162,8 @@ def _checkpoint(table: TomlTable) -> Checkpoint:
     if isinstance(table.data["checkpoint"], dict):
         given = table.table("checkpoint", keys_of(Checkpoint), inline=True)
         return Checkpoint(**decode(Checkpoint, given))
-    _, said = stated_fields(Checkpoint)["file"]
-    return Checkpoint(read_value(table, "checkpoint", said))  # type: ignore[arg-type]
+    _, stated = stated_fields(Checkpoint)["file"]
+    return Checkpoint(read_value(table, "checkpoint", stated))  # type: ignore[arg-type]
 
 
 def time_record(time: TimeSettings, scalar: ScalarKind | None = None) -> dict[str, object]:
