@@ -186,7 +186,7 @@ class _Reader:
         """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
         name, value = one.key, given.data[one.key]
         if not isinstance(value, dict):
-            return given.quantity(name, value, self.dim, one.said.lowest, timed=True)
+            return given.quantity(name, value, self.dim, one.stated.lowest, timed=True)
         ways = ("table", "formula", "coulomb")
         inner = given.table(name, ways, inline=True)
         if len(inner.data) != 1:
@@ -288,8 +288,8 @@ def _law_record(
     entry = laws[str(stated["law"])]
     record: dict[str, object] = {"law": entry.name}
     for one in entry.parameters:
-        value = bound if one.said.form is Form.OWN else stated.get(one.key)
-        if one.said.form is Form.FILE:
+        value = bound if one.stated.form is Form.OWN else stated.get(one.key)
+        if one.stated.form is Form.FILE:
             side = where.rpartition(".")[2]
             record[one.key] = (
                 file_name(value, aside.folder)
@@ -299,7 +299,7 @@ def _law_record(
         elif value is None or (isinstance(value, tuple | list) and not value):
             continue
         else:
-            record[one.key] = written(value, one.said.form, f"{where}.{one.key}")
+            record[one.key] = written(value, one.stated.form, f"{where}.{one.key}")
         if one.default is not None and record.get(one.key) == one.default:
             del record[one.key]
     return record if len(record) > 1 else entry.name

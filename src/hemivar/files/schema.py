@@ -102,13 +102,13 @@ def read_arguments(
             if one.required:
                 given = ", ".join((f'law = "{entry.name}"', *(f"{name} = ..." for name in entry.required)))
                 example = f"{key} = {{ {given} }}" if key else given
-                raise table.error(one.key, f"is missing ({one.said.says}); write {example}")
-        elif one.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
-            least = one.said.lowest if one.said.below is None else -np.inf
-            found[one.name] = table.quantity(one.key, table.data[one.key], dim, least, timed=one.said.timed)
+                raise table.error(one.key, f"is missing ({one.stated.says}); write {example}")
+        elif one.stated.form is Form.QUANTITY:  # a law itself says that zero is not allowed
+            least = one.stated.lowest if one.stated.below is None else -np.inf
+            found[one.name] = table.quantity(one.key, table.data[one.key], dim, least, timed=one.stated.timed)
         else:
-            read = own.get(one.said.form)
-            found[one.name] = read(table, one) if read else read_value(table, one.key, one.said, dim)
+            read = own.get(one.stated.form)
+            found[one.name] = read(table, one) if read else read_value(table, one.key, one.stated, dim)
     return found
 
 

@@ -158,7 +158,7 @@ def parameters_of_law(problem: str | Path, law: str, contact: str | None = None)
             f"contact '{names[0]}' has the law '{stated.get('law')}' in the file; state '{law}' there with a first "
             "guess of its parameters, or name each parameter and its range with --fit"
         )
-    numbers = {one.key for one in NORMAL_LAWS[law].parameters if one.said.form is Form.QUANTITY}
+    numbers = {one.key for one in NORMAL_LAWS[law].parameters if one.stated.form is Form.QUANTITY}
     found = []
     for name, value in stated.items():
         if name not in numbers:

@@ -113,9 +113,9 @@ class PlaneBody:
     def _foundation_lines(self, boundary: ContactBoundary) -> Iterator[FoundationLine]:
         corners = boundary.corners
         normals, lengths = self.mesh.facet_normals(corners)
-        used, place = np.unique(corners, return_inverse=True)
+        used, row = np.unique(corners, return_inverse=True)
         summed = np.zeros((len(used), 2))
-        np.add.at(summed, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
+        np.add.at(summed, row.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
         normal = summed / np.linalg.norm(summed, axis=1)[:, None]
         contact = self.problem.contact
         assert contact.points is not None
@@ -194,8 +194,8 @@ class PlaneBody:
                 ax, places[shown], vectors[shown], pulls[shown], largest / length, self.size, colour, 5.0 + 0.1 * row
             )
             quiver.set_in_layout(False)
-            said = f"{name}: {reference:g} {self.units[1]}".rstrip()
-            self.keys.append((quiver, said, reference, reference * length / largest))
+            label = f"{name}: {reference:g} {self.units[1]}".rstrip()
+            self.keys.append((quiver, label, reference, reference * length / largest))
             ax.update_datalim(ends)
         ax.autoscale_view()
         return length
@@ -263,11 +263,11 @@ class PlaneBody:
 def _spread(where: Array, first: int, distance: float) -> IntArray:
     """Which of these increasing places (k,) stand ``distance`` apart, counted from one of them to both sides."""
     chosen = [first]
-    for way in (1, -1):
+    for direction in (1, -1):
         last = first
         while True:
-            ahead = where[last] + way * distance * (1.0 - 1e-9)
-            last = int(np.searchsorted(where, ahead)) if way > 0 else int(np.searchsorted(where, ahead, "right")) - 1
+            ahead = where[last] + direction * distance * (1.0 - 1e-9)
+            last = int(np.searchsorted(where, ahead, "left" if direction > 0 else "right")) - (direction < 0)
             if not 0 <= last < len(where):
                 break
             chosen.append(last)
