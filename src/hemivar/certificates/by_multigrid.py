@@ -82,10 +82,10 @@ class Subspace:
         sign: Array,
         X: Array,
         count: int = 1,
-        held: IntArray | None = None,
+        fixed: IntArray | None = None,
         vectors: Vectors = WHOLE,
     ) -> None:
-        self._A, self._cycles, self._S, self._sign, self._held, self._vectors = A, cycles, S, sign, held, vectors
+        self._A, self._cycles, self._S, self._sign, self._held, self._vectors = A, cycles, S, sign, fixed, vectors
         #: A vector of the span along which K is not positive, where one was met.
         self.negative: Array | None = None
         self._pick(X, self._A @ X, S @ X, count)
@@ -209,12 +209,12 @@ class SolveByCycles:
     def dual(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
         """About ``K^-1 b`` (n,), and a bound of ``b'K^-1 b`` that is at most about 2 % too large."""
         if guess is None:
-            x, found, left = self._descend(self._matrix, self.diagonal, self._cycle, b)
-            return x, found + left
+            x, work, left = self._descend(self._matrix, self.diagonal, self._cycle, b)
+            return x, work + left
         rest = b - self.multiply(guess)
         before = float(self.vectors.total(float(guess @ (b + rest)))[0])
-        x, found, left = self._descend(self._matrix, self.diagonal, self._cycle, rest, before)
-        return guess + x, before + found + left
+        x, work, left = self._descend(self._matrix, self.diagonal, self._cycle, rest, before)
+        return guess + x, before + work + left
 
     def least(self, b: Array) -> float:
         """A lower bound of ``b'K^-1 b``."""
@@ -255,20 +255,20 @@ class SolveByCycles:
         They end once that is a small part of the whole, ``before`` included.
         """
         total = self.vectors.total
-        x, found, left, gains, rests = np.zeros_like(b), 0.0, 0.0, list[float](), list[float]()
+        x, work, left, gains, rests = np.zeros_like(b), 0.0, 0.0, list[float](), list[float]()
 
         def precondition(rest: Array) -> Array:
-            nonlocal found, left
+            nonlocal work, left
             check_time()
             z = cycle(rest)
             # b'A^-1 b = x'(b + r) + r'A^-1 r whatever x is; r'x is zero but for the rounding of the cycles.
             gained, rest_seen = total(float(x @ b) + float(x @ rest), float(rest @ z)).tolist()
-            found, seen = max(gained, 0.0), max(rest_seen, 0.0)
-            gains.append(found)
+            work, seen = max(gained, 0.0), max(rest_seen, 0.0)
+            gains.append(work)
             rests.append(seen)
             left = seen / self._quality_met(np.diff(gains), np.array(rests))
             # A step of length one gains at most what is left.
-            return np.zeros_like(z) if left <= _DUAL_ACCURACY * (found + before) else z
+            return np.zeros_like(z) if left <= _DUAL_ACCURACY * (work + before) else z
 
         def moved(_: int, to: Array) -> Array:
             nonlocal x
@@ -278,7 +278,7 @@ class SolveByCycles:
         descent = conjugate_gradients(
             A, diagonal, b, precondition, 0.0, _CYCLES, moved, self.vectors, flexible=self.flexible
         )
-        return descent.solution, found, left
+        return descent.solution, work, left
 
 
 def _least_ritz_value(gains: Array, rests: Array) -> float:
@@ -352,10 +352,10 @@ class SolveByMultigrid(SolveByCycles):
         if self._known is not None:
             return None
         guard = rounding(self.stiffness, self.diagonal)
-        found = lowest_quotient(self.stiffness)
+        lowest = lowest_quotient(self.stiffness)
         if not self.definite and self._negative is not None:
-            found = min(found, self._negative)
-        return found if found < -guard else None
+            lowest = min(lowest, self._negative)
+        return lowest if lowest < -guard else None
 
     def least(self, b: Array) -> float:
         """A lower bound of ``b'K^-1 b``: what the next coarser level sees of it.
@@ -453,13 +453,13 @@ class SolveByMultigrid(SolveByCycles):
             X = levels.transfers[k - 1].prolongation @ X
             count = _BLOCK if self._cheap(k) and k < self._top else 1
             subspace = self._subspace(k, parts[k], X, self._cycle_on(k), count)
-            limit, told = (_STEPS, near) if k == self._top else (_COARSE_STEPS, None)
-            added = subspace.improve(self.quality, limit, _EIGEN_ACCURACY, gap, told)
+            limit, target = (_STEPS, near) if k == self._top else (_COARSE_STEPS, None)
+            added = subspace.improve(self.quality, limit, _EIGEN_ACCURACY, gap, target)
             X, gap = subspace.X, subspace.gap(gap)
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0])
 
-    def constrained(self, rows: sp.csr_array, weight: Array, held: BoolArray) -> Mode | None:
+    def constrained(self, rows: sp.csr_array, weight: Array, fixed: BoolArray) -> Mode | None:
         """Largest eigenvalue of ``(C' diag(weight) C, K)`` on the displacements that leave the held components at rest.
 
         C (k, n) are ``rows``, the weights (k,) are of either sign, and ``held`` (m, d) are components of the contact
@@ -469,14 +469,14 @@ class SolveByMultigrid(SolveByCycles):
             return None
         unknown, _, active, _ = contact_unknowns(self.problem.contact)
         levels, first = self._levels, self._levels.algebraic
-        rest = [unknown[held[active]]]
+        rest = [unknown[fixed[active]]]
         parts = [sp.csr_array(sp.diags_array(np.sqrt(np.abs(weight))) @ rows)]
         for k in range(self._top, first, -1):  # coarse functions that reach a held unknown are left out
             prolongation = levels.transfers[k - 1].prolongation
             rest.insert(0, np.unique(prolongation[rest[0]].indices))
             parts.insert(0, sp.csr_array(parts[0] @ prolongation))
         truncated = Truncated(levels, self._top, vanishing=True)
-        truncated.change(held[active], sp.csr_array((unknown.size, unknown.size)))
+        truncated.change(fixed[active], sp.csr_array((unknown.size, unknown.size)))
         truncated.prepare()
         start = parts[0] @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal((levels.sizes[first], _BLOCK)))
         X, gap, added = np.zeros((levels.sizes[first], 0)), np.inf, 0.0

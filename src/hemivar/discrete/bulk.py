@@ -209,9 +209,9 @@ def without_zeros(matrix: sp.csr_array) -> sp.csr_array:
     """The matrix without stored zeros, for products; the matrix itself where they are few."""
     if np.count_nonzero(matrix.data) > FEW_ZEROS * matrix.nnz:
         return matrix
-    found = matrix.copy()
-    found.eliminate_zeros()
-    return found
+    thinned = matrix.copy()
+    thinned.eliminate_zeros()
+    return thinned
 
 
 def _check_diagonal(diagonal: Array) -> None:

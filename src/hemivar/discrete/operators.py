@@ -114,8 +114,8 @@ class Operator(PickleMixin):
         diagonal = self.inner.diagonal()
         there = diagonal > 0.0
         scaled = LinearOperator(self.inner.shape, matvec=lambda x: x / np.where(there, diagonal, 1.0))
-        found, failed = cg(self.inner, np.where(there, right, 0.0), rtol=1e-12, M=scaled, maxiter=500)
-        return None if failed else np.where(there, found, 0.0)
+        solution, failed = cg(self.inner, np.where(there, right, 0.0), rtol=1e-12, M=scaled, maxiter=500)
+        return None if failed else np.where(there, solution, 0.0)
 
     @property
     def numbers(self) -> tuple[Array, ...]:

@@ -171,5 +171,5 @@ def _normals(field: Field, node: IntArray, facets: list[IntArray]) -> Array:
         members = mesh.facet_nodes(some, field.order)
         for k in range(members.shape[1]):
             np.add.at(total, members[:, k], normal * size[:, None])
-    found = total[node]
-    return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1), np.finfo(float).tiny)[:, None])
+    normals = total[node]
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None])
