@@ -27,6 +27,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.bounds.body_data import BodyData, CellEnergy
+from hemivar.bounds.roundings import CELLS
 from hemivar.bounds.split_element import SplitElement, voigt_map
 from hemivar.mesh.mesh import Mesh
 
@@ -37,8 +38,6 @@ _HALVINGS = {2: 2, 3: 1}
 _STEPS = 3
 #: Roundings of energies that are subtracted.
 _ROUNDED = 16.0 * float(np.finfo(float).eps)
-#: Cells whose numbers are held at a time.
-_CELLS = 1 << 12
 
 
 def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array) -> Array:
@@ -49,8 +48,8 @@ def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array)
     assert data.stored is not None
     table, centroids, lowered = data.table, _centroids(data.table.dim), np.zeros(len(difference))
     compliance = np.broadcast_to(data.compliance, (len(difference), *data.compliance.shape[1:]))
-    for start in range(0, len(lowered), _CELLS):
-        part = slice(start, start + _CELLS)
+    for start in range(0, len(lowered), CELLS):
+        part = slice(start, start + CELLS)
         change = voigt_map(table.jacobian[part]) / table.sizes[part, None, None]
         nodes = element.at_nodes(difference[part])
         q = np.einsum("mvw,ca,mbaw->mbcv", change, centroids, nodes, optimize=True)

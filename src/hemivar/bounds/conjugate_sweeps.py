@@ -25,6 +25,7 @@ from hemivar.bounds.compiled_cells import bubble_square
 from hemivar.bounds.compiled_patches import Prices
 from hemivar.bounds.facet_table import FacetTable
 from hemivar.bounds.patches import PatchKind, cell_patches
+from hemivar.bounds.roundings import CELLS
 from hemivar.bounds.sweeps import ContactPenalty, PatchSmoother
 from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mesh.keys import EDGES
@@ -44,8 +45,6 @@ _GAIN, _FAR, _GAIN_FAR = 0.06, 3.0, 0.015
 _LAST = 0.25
 #: Steps at most, and after how many of them contact tractions are priced anew.
 _MOST, _RENEWED = 24, 4
-#: Cells whose numbers are held at a time.
-_CELLS = 1 << 12
 
 #: The ends of the edges of a cell, as :func:`cell_patches` numbers them.
 _ENDS = {2: ((1, 2), (0, 2), (0, 1)), 3: EDGES[3]}
@@ -158,8 +157,8 @@ class _Paid:
 def _works(data: BodyData, moments: Array, slopes: list[Array]) -> list[float]:
     """``sum m . b`` over the cells for moments (F, k, d) and each of some slopes (M, n) by them."""
     table, total = data.table, np.zeros(len(slopes))
-    for start in range(0, len(table.cells), _CELLS):
-        part = slice(start, start + _CELLS)
+    for start in range(0, len(table.cells), CELLS):
+        part = slice(start, start + CELLS)
         own = table.of_cells(moments, part)
         turned = (own.reshape(len(own), -1, table.dim) @ table.inverse[part].transpose(0, 2, 1)).reshape(len(own), -1)
         total += [np.vdot(turned, each[part]) for each in slopes]

@@ -32,6 +32,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.bounds.prisms import KINDS, Solids, prism_squares, prisms, room, tolerance
+from hemivar.bounds.roundings import CONSTANT
 from hemivar.bounds.split_element import pulled_back, split_element, voigt
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.mesh.mesh import Mesh
@@ -44,8 +45,6 @@ _HALVINGS = {2: 2, 3: 1}
 _DIGITS = 9
 #: Kinds that are tried, one after another, where facets lie in a plane and where they meet at angles.
 _PRISMS, _FRUSTA = (0, 1, 2, 3, 4), (3, 4, 2)
-#: Part of a compliance that is rounding.
-_ROUNDING = 1e-13
 
 
 def equilibrated_blocks(compliance: Array, jacobian: Array, *, loaded: bool = False) -> Array:
@@ -177,7 +176,7 @@ def softest(compliance: Array) -> Array:
     most = some[np.argmax(np.trace(some, axis1=1, axis2=2))]
     root = np.linalg.cholesky(most)
     relative = np.linalg.solve(root, np.linalg.solve(root, some).transpose(0, 2, 1))
-    return np.asarray((1.0 + _ROUNDING) * max(1.0, float(np.linalg.eigvalsh(relative).max())) * most)
+    return np.asarray((1.0 + CONSTANT) * max(1.0, float(np.linalg.eigvalsh(relative).max())) * most)
 
 
 def _pairs(table: FacetTable, facets: IntArray, some: IntArray) -> sp.csr_array:

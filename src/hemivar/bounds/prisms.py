@@ -21,6 +21,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable
+from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.split_element import pulled_back
 
 __all__ = [
@@ -153,8 +154,6 @@ SQUARES = (
         (159.6780, 160.7071, 161.6476),
     ),
 )
-#: Part of a size by which two bodies may overlap and count as disjoint.
-_TOUCHING = 1e-9
 #: How many triangles a triangle is compared with, and digits to which two are as near.
 _NEAR, _DIGITS = 3, 9
 
@@ -274,4 +273,4 @@ def room(table: FacetTable, facets: IntArray, walls: IntArray, kinds: tuple[int,
 
 def tolerance(points: Array) -> float:
     """A length up to which solids of a mesh overlap by rounding."""
-    return _TOUCHING * float(np.ptp(points, axis=0).max())
+    return ALIKE * float(np.ptp(points, axis=0).max())
