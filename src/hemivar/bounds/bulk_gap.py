@@ -33,9 +33,8 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["saved_by_curvature", "strain_sizes"]
 
-#: How often each piece of a cell is cut into halves, and the steps of the search for d.
+#: How often each piece of a cell is cut into halves.
 _HALVINGS = {2: 2, 3: 1}
-_STEPS = 3
 #: Roundings of energies that are subtracted.
 _ROUNDED = 16.0 * float(np.finfo(float).eps)
 
@@ -79,7 +78,7 @@ def _saved(stored: CellEnergy, strain: Array, q: Array, compliance: Array, start
     most, best = 0.5 * square(q), np.zeros(q.shape[:2])
     value, stress = stored.value(strain), stored.stress(strain)
     d, rest = np.zeros(q.shape), q
-    for _ in range(_STEPS):
+    for _ in range(3):
         d = d + np.einsum("mvw,mpw->mpv", start, rest)
         there = strain + d
         energy, work = stored.value(there), np.einsum("mpv,mpv->mp", stress + q, d)

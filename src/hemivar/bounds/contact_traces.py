@@ -51,10 +51,7 @@ __all__ = [
 
 #: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
 #: which the multiplier between force and law has kinks of its own, or with a curved law.
-_PARTS = 4
-_MORE_PARTS = 32
-#: Parts, in space, of the rule by which a choice is looked for.
-_FEW_PARTS = 1
+_PARTS, _MORE_PARTS = 4, 32
 #: Kinks of the normal law inside a facet in space up to which it is cut along all of them.
 _LEVELS = 24
 #: Gap, over the extent of the body, where its normal misses the obstacle.
@@ -164,9 +161,9 @@ class ContactTraces:
     @cached_property
     def rough(self) -> ContactTraces:
         """The same facets with fewer points in space: to look for a choice, never to judge it."""
-        if self.data.table.dim == 2 or self.weights.shape[1] <= len(cut_triangle(_FEW_PARTS, self.rule)[1]):
+        if self.data.table.dim == 2 or self.weights.shape[1] <= len(cut_triangle(1, self.rule)[1]):
             return self
-        traces = contact_traces(self.data, _FEW_PARTS)
+        traces = contact_traces(self.data, 1)
         assert traces is not None
         return traces
 
@@ -323,7 +320,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
             points, weights = cut_triangle(parts, rule)
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
-            if rule is None and parts > _FEW_PARTS:
+            if rule is None and parts > 1:
                 barycentric, share, uncut[-1] = _along_levels(data, name, facets, barycentric, share)
         local, frames, places = local_traces(data, name, facets, barycentric)
         law = data.problem.contact[name].law.at(places.reshape(-1, dim))

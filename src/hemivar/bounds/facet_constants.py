@@ -31,7 +31,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable, facet_table, facet_vertices
-from hemivar.bounds.prisms import KINDS, Solids, prism_squares, prisms, room, tolerance
+from hemivar.bounds.prisms import DIGITS, KINDS, Solids, prism_squares, prisms, room, tolerance
 from hemivar.bounds.roundings import CONSTANT
 from hemivar.bounds.split_element import pulled_back, split_element, voigt
 from hemivar.fem.directed_matrix import directed_matrix
@@ -41,8 +41,6 @@ __all__ = ["FacetConstants", "equilibrated_blocks", "facet_constants"]
 
 #: How often a cell in the plane and a cell in space are cut in halves.
 _HALVINGS = {2: 2, 3: 1}
-#: Digits to which two shapes are one.
-_DIGITS = 9
 #: Kinds that are tried, one after another, where facets lie in a plane and where they meet at angles.
 _PRISMS, _FRUSTA = (0, 1, 2, 3, 4), (3, 4, 2)
 
@@ -199,7 +197,7 @@ def _of_cells(table: FacetTable, compliance: Array, facets: IntArray) -> Array:
     matrices = np.broadcast_to(compliance, (len(table.cells), *compliance.shape[1:]))[owner]
     softness = np.abs(matrices).max(axis=(1, 2))
     key = np.hstack([shape.reshape(len(owner), -1), (matrices / softness[:, None, None]).reshape(len(owner), -1)])
-    _, first, number = np.unique(np.round(key, _DIGITS), axis=0, return_index=True, return_inverse=True)
+    _, first, number = np.unique(np.round(key, DIGITS), axis=0, return_index=True, return_inverse=True)
     unit = matrices[first] / softness[first, None, None]
     if dim == 2:
         squares = _of_triangles(shape[first], unit)
@@ -304,7 +302,7 @@ def _children(mesh: Mesh) -> list[Array]:
 
 def _shape_key(corners: Array) -> bytes:
     """The same for shapes that a translation or a reflection at a point makes one."""
-    edges = np.round(corners[1:] - corners[0], _DIGITS) + 0.0
+    edges = np.round(corners[1:] - corners[0], DIGITS) + 0.0
     ways = (tuple(sorted(map(tuple, (sign * edges + 0.0).tolist()))) for sign in (1.0, -1.0))
     return repr(min(ways)).encode()
 

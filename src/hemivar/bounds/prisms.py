@@ -25,6 +25,7 @@ from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.split_element import pulled_back
 
 __all__ = [
+    "DIGITS",
     "KINDS",
     "RATIOS",
     "SQUARES",
@@ -155,7 +156,7 @@ SQUARES = (
     ),
 )
 #: How many triangles a triangle is compared with, and digits to which two are as near.
-_NEAR, _DIGITS = 3, 9
+_NEAR, DIGITS = 3, 9
 
 
 def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Array) -> Array:
@@ -170,7 +171,7 @@ def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Arr
     area = np.sqrt(np.linalg.det(gram))  # twice that of the triangle
     flat = np.linalg.cholesky(gram).transpose(0, 2, 1)
     off = np.sum((flat[:, None, None] @ known) ** 2, axis=(3, 4)) / area[:, None, None]
-    off = np.round(off, _DIGITS)  # of triangles that are alike the first is taken, not what rounding says
+    off = np.round(off, DIGITS)  # of triangles that are alike the first is taken, not what rounding says
     shift = np.argmin(off, axis=2)
     nearest = np.argsort(off.min(axis=2), axis=1, kind="stable")[:, :_NEAR]
     count = nearest.shape[1]

@@ -71,9 +71,8 @@ AT_LIMIT = (
     "at the limit of friction that grows with the pressure: whether forces within its cone balance the load was not "
     "decided before the solve"
 )
-#: Part of the friction within which what it balances is not decided.
-_BETWEEN = 1e-6
-#: Part of the load against which a foundation must hold a body at rest.
+#: Part of the load against which a foundation must hold a body at rest, and of the friction within which what it
+#: balances is not decided.
 _SMALL = 1e-6
 
 
@@ -163,7 +162,7 @@ class _Group:
             if at_rest.verdict is Coercivity.HELD:
                 return Hold(result, touched, limit, balanced=True)
             by_friction = replace(at_rest, growth=at_rest.growth / _SMALL)
-        if _holds(replace(rubs, friction=rubs.friction.widened(_BETWEEN))):
+        if _holds(replace(rubs, friction=rubs.friction.widened(_SMALL))):
             return Hold(result, touched, balanced=False)
         return Hold(result if by_friction.direction is None else by_friction, touched)
 

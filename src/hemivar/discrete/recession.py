@@ -58,8 +58,8 @@ _AT_REST = 1e-13
 _CUT_OFF = 1e3
 #: What it costs to break a condition, against the largest cut, where all faces are looked at together.
 _PENALTY = 1e3
-_CUTS = 400
-_BRANCHES = 100
+#: Cuts of a face, and faces that are looked at one by one, at most: what is not decided by then stays so.
+_CUTS, _BRANCHES = 400, 100
 
 
 class Coercivity(Enum):
