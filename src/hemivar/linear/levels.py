@@ -133,9 +133,9 @@ class Levels:
 
     def __getstate__(self) -> dict[str, object]:
         """Copies make their compiled levels anew."""
-        return {name: one for name, one in vars(self).items() if name not in ("compiled", "fixed_change", "_whole")} | {
-            "_idle": []
-        }
+        return {
+            name: value for name, value in vars(self).items() if name not in ("compiled", "fixed_change", "_whole")
+        } | {"_idle": []}
 
     def borrow(self, top: int) -> Truncated:
         """Levels for one solve to change.
@@ -241,7 +241,7 @@ class Levels:
         there, or do not know such patterns."""
         if self.compiled is None:
             return None
-        transfers = [one.prolongation for one in self.transfers[: self.algebraic]]
+        transfers = [transfer.prolongation for transfer in self.transfers[: self.algebraic]]
         try:
             return FixedChange(self.compiled.kernels, self.levels[: self.algebraic + 1], transfers)
         except ValueError:
