@@ -110,9 +110,7 @@ class Hierarchy:
             none + list(reversed(points)),
             len(below),
             slots=[_regular(matrix.shape[0], near) for matrix, _ in below]
-            + [NodeSlots.single(A.shape[0]) if slots is None else slots for A, slots in zip(given, nodes, strict=True)][
-                ::-1
-            ],
+            + [NodeSlots.single(A.shape[0]) if own is None else own for A, own in zip(given, nodes, strict=True)][::-1],
         )
         return Hierarchy(stack)
 

@@ -53,7 +53,8 @@ def best_of(failed: Sequence[Solution]) -> Solution:
 
 def _ended(solution: Solution) -> str:
     steps = f"{solution.steps} step" + "s" * (solution.steps != 1)
-    return f"{solution.method} ended {solution.status.value} after {steps}, relative residual {solution.residual.relative:.1e}"
+    ended = f"{solution.method} ended {solution.status.value}"
+    return f"{ended} after {steps}, relative residual {solution.residual.relative:.1e}"
 
 
 def _frozen(solver: Solver, problem: DiscreteProblem) -> Solver | None:
