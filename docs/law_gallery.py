@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
-from hemivar.basics.stated import Form
 from hemivar.laws import Friction, Superpotential
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry
 from hemivar.report import plot_laws, save
@@ -14,19 +14,12 @@ from hemivar.report import plot_laws, save
 IMAGES = Path(__file__).parent / "images"
 
 
-def example(entry: LawEntry) -> Superpotential:
-    """A law with the values that ``hemivar laws`` shows it with."""
-    law = entry.make(**{one.key: one.shown for one in entry.parameters if one.shown is not None})
-    if isinstance(law, Friction):
-        return law.profile
-    assert isinstance(law, Superpotential)
-    return law.at(np.zeros((1, 2)))
-
-
-def own(entry: LawEntry) -> bool:
-    """Whether a law is read from a file or a formula of the user's."""
-    said = [one.said for one in entry.parameters]
-    return any(one.form is Form.FILE or (one.form is Form.TEXT and not one.choices) for one in said)
+def shown(entry: LawEntry) -> Superpotential | None:
+    """A law with the values that ``hemivar laws`` shows it with; None where the user writes it."""
+    if entry.example is None:
+        return None
+    law = entry.make(**entry.example)
+    return law.profile if isinstance(law, Friction) else cast(Superpotential, law).at(np.zeros((1, 2)))
 
 
 if __name__ == "__main__":
@@ -34,5 +27,5 @@ if __name__ == "__main__":
         ("normal", NORMAL_LAWS, "penetration r (length)", "pressure (force per area)"),
         ("friction", FRICTION_LAWS, "slip (length)", "friction over its bound"),
     ):
-        shown = {key: example(entry) for key, entry in laws.items() if key != "none" and not own(entry)}
-        save(plot_laws(shown, labels=(x, y)), IMAGES / f"laws-{name}.png", dpi=120)
+        drawn = {key: law for key, entry in laws.items() if key != "none" and (law := shown(entry)) is not None}
+        save(plot_laws(drawn, labels=(x, y)), IMAGES / f"laws-{name}.png", dpi=120)

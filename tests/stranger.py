@@ -81,7 +81,7 @@ def pushed(points: Array, time: float) -> Array:
     return np.tile([0.3 * np.sin(6.0 * time), -0.3], (len(points), 1))
 
 
-def problem(*memory: Memory, weakening: float = 0.5) -> hv.ContactProblem:
+def yielding_problem(*memory: Memory, weakening: float = 0.5) -> hv.ContactProblem:
     friction = hv.laws.Friction(0.05, WEAKENING, of="rate" if memory else "slip")
     contact = hv.Contact(Yielding(10.0, weakening, 0.02), friction, memory=memory)
     return hv.ContactProblem(
@@ -95,14 +95,14 @@ def problem(*memory: Memory, weakening: float = 0.5) -> hv.ContactProblem:
 
 def march(jump: str = "local", **options: object) -> hv.evolution.History:
     """Of a law that softens more than the body bears, so that every rule of a jump is asked."""
-    return hv.march(hv.Evolution(problem(weakening=9.0), inertia=False), 0.5, step=0.25, jump=jump, **options)  # type: ignore[arg-type]
+    return hv.march(hv.Evolution(yielding_problem(weakening=9.0), inertia=False), 0.5, step=0.25, jump=jump, **options)  # type: ignore[arg-type]
 
 
 def numbers() -> dict[str, float]:
     """What the method answers, whatever else is installed."""
-    solution = hv.solve(problem())
+    solution = hv.solve(yielding_problem())
     constants = solution.certify().smallness
-    evolution = hv.Evolution(problem(Fading()), inertia=False)
+    evolution = hv.Evolution(yielding_problem(Fading()), inertia=False)
     history = hv.march(evolution, 0.4, step=0.1, scheme=Theta())
     assert (solution.status, history.ended) == (hv.Status.CONVERGED, "finished")
     return {
@@ -117,7 +117,7 @@ def numbers() -> dict[str, float]:
 
 def hooks() -> dict[str, Callable[[], object]]:
     """A call for each entry of what the method leaves to packages that use it."""
-    solution, history = hv.solve(problem()), march()
+    solution, history = hv.solve(yielding_problem()), march()
     certificate = solution.certify()
     solutions: dict[str, Callable[[], object]] = {
         f"Solution.{name}": getattr(solution, name) for name in ("summary", "to_dict", "plot")
@@ -138,7 +138,7 @@ def hooks() -> dict[str, Callable[[], object]]:
         "certificate.certify": lambda: solution.certify(exact=True),
         "stage_solver.follow_minimisers": lambda: march("arc-length"),
         "stage_solver.find_solutions": lambda: march("global"),
-        "methods.further_methods": lambda: hv.solve(problem(), "powell"),
+        "methods.further_methods": lambda: hv.solve(yielding_problem(), "powell"),
     }
 
 
@@ -147,10 +147,10 @@ def answers() -> dict[str, str]:
     names = ("follow_path", "read_problem", "report", "survey_report", "Signorin")
     said = {name: sentence(ask) for name, ask in hooks().items()}
     said |= {name: sentence(lambda name=name: getattr(hv, name)) for name in names}  # type: ignore[misc]
-    said |= {"direct-powell": sentence(lambda: hv.solve(problem(), "direct-powell"))}
-    constants = smallness(problem())
+    said |= {"direct-powell": sentence(lambda: hv.solve(yielding_problem(), "direct-powell"))}
+    constants = smallness(yielding_problem())
     said["smallness.trace_bound"] = f"{constants.trace_bound}, {constants.survey_condition}"
-    claims = {claim.label: claim.sentence for claim in hv.solve(problem()).certify().claims}
+    claims = {claim.label: claim.sentence for claim in hv.solve(yielding_problem()).certify().claims}
     return said | {"claim": claims["survey's (H_s)"]}
 
 

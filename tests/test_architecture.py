@@ -184,7 +184,7 @@ OPENING = (
 )
 
 
-def opened(tree: ast.Module) -> Iterator[tuple[str, int]]:
+def opening_calls(tree: ast.Module) -> Iterator[tuple[str, int]]:
     """Calls that open a file, or make a library do so, outside ``with whole_file(...)``."""
 
     def search(node: ast.AST, inside: bool) -> Iterator[tuple[str, int]]:
@@ -213,7 +213,7 @@ def files_are_opened_by_one_module(files: Files) -> Iterator[str]:
     """Read and write by ``hemivar.basics.disk``."""
     for file in files:
         if not inside(file, OPENING):
-            yield from (file.at(line, name) for name, line in opened(file.tree))
+            yield from (file.at(line, name) for name, line in opening_calls(file.tree))
 
 
 #: Where a type cannot be named, how often at most, and why.  A number may fall; a new place wants a reason here.
@@ -355,7 +355,7 @@ def types_said(text: str) -> Iterator[tuple[int, str]]:
             yield from ((number, name) for name in re.findall(r"\b[A-Z]\w+", told[1].split(".")[0]))
 
 
-def bound(file: Source) -> Iterator[str]:
+def names_bound(file: Source) -> Iterator[str]:
     """Names of classes, of what is imported, and of what a module sets."""
     for node in file.nodes:
         if isinstance(node, ast.ClassDef):
@@ -369,7 +369,7 @@ def bound(file: Source) -> Iterator[str]:
 
 def types_in_docstrings_exist(files: Files) -> Iterator[str]:
     """Write the name that the type has today."""
-    known = {*dir(builtins), *FOREIGN}.union(*map(bound, files))
+    known = {*dir(builtins), *FOREIGN}.union(*map(names_bound, files))
     for file in files:
         for node in file.nodes:
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):

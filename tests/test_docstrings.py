@@ -79,7 +79,7 @@ def raised(function: FunctionType) -> set[str]:
     return {name for name in names if name.endswith("Error") and name in vars(errors)}
 
 
-def told(value: Any) -> tuple[NumpyDocString, set[str]]:
+def sections_and_names(value: Any) -> tuple[NumpyDocString, set[str]]:
     """A docstring in its sections, and the names under Parameters and Attributes."""
     text = NumpyDocString(inspect.getdoc(value) or "")
     rows = (*text["Parameters"], *text["Attributes"])
@@ -102,7 +102,7 @@ def test_there_is_much_to_look_at() -> None:
 
 def unsaid(function: FunctionType) -> set[str]:
     """Errors that a function raises and does not list, nor what they are kinds of."""
-    text, _ = told(function)
+    text, _ = sections_and_names(function)
     said = set(re.findall(r"\w+", " ".join(f"{row.name} {row.type}" for row in text["Raises"])))
     kinds = {error: {base.__name__ for base in vars(errors)[error].__mro__} for error in raised(function)}
     return {error for error, names in kinds.items() if not names & said}
@@ -112,7 +112,9 @@ def lacking(kind: type) -> Iterator[str]:
     """What the docstrings of a class and of its methods leave out, or say of parameters that are not there."""
     if not inspect.getdoc(kind):
         yield "no docstring"
-    names = set().union(*(told(base)[1] for base in kind.__mro__ if base.__module__.startswith(("hemivar", __name__))))
+    names = set().union(
+        *(sections_and_names(base)[1] for base in kind.__mro__ if base.__module__.startswith(("hemivar", __name__)))
+    )
     if is_dataclass(kind) and not issubclass(kind, Enum):
         own = {one.name for one in fields(kind) if one.init and not one.name.startswith("_")}
         yield from sorted(own - names)

@@ -13,7 +13,7 @@ import hemivar as hv
 from tests.sources import PACKAGE
 
 
-def shown(path: Path) -> Iterator[tuple[str, str]]:
+def with_examples(path: Path) -> Iterator[tuple[str, str]]:
     """Name and docstring of whatever shows an example in a file."""
     text = path.read_text(encoding="utf-8")
     for node in ast.walk(ast.parse(text)) if ">>> " in text else ():
@@ -21,7 +21,7 @@ def shown(path: Path) -> Iterator[tuple[str, str]]:
             yield node.name, ast.get_docstring(node) or ""
 
 
-SHOWN = {f"{path.stem}.{name}": text for path in sorted(PACKAGE.rglob("*.py")) for name, text in shown(path)}
+SHOWN = {f"{path.stem}.{name}": text for path in sorted(PACKAGE.rglob("*.py")) for name, text in with_examples(path)}
 
 
 @pytest.mark.parametrize("name", SHOWN)

@@ -39,7 +39,7 @@ NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if not path.stem.star
 
 
 @functools.cache
-def run(name: str) -> dict[str, Any]:
+def run_example(name: str) -> dict[str, Any]:
     """What an example has defined when it has run, and printed; NumPy has nothing to warn of."""
     matplotlib.use("Agg")
     with contextlib.redirect_stdout(io.StringIO()) as printed, warnings.catch_warnings():
@@ -160,7 +160,7 @@ def test_one_runs_as_a_script(tmp_path: Path) -> None:
 
 
 def test_first_solution() -> None:
-    solution = run("first_solution")["solution"]
+    solution = run_example("first_solution")["solution"]
     known = independent(32, (-0.8, -0.8), constant(0.3), 2.0, constant(0.5))
     assert solution.energy == pytest.approx(known.energy, rel=1e-8)
     assert solution.penetration.max() == pytest.approx(known.penetration, rel=1e-6)
@@ -169,7 +169,7 @@ def test_first_solution() -> None:
 
 
 def test_bar_from_arrays() -> None:
-    found = run("bar_from_arrays")["found"]
+    found = run_example("bar_from_arrays")["found"]
     # kappa = 4, r0 = 6 * 0.25 / 4 - 0.01 = 0.365
     assert found["survey"] == pytest.approx(((4 * 0.365 - 0.3) / 6, 4 * (0.365 - (4 * 0.365 - 0.3) / 6)), abs=1e-12)
     assert found["compliance"] == pytest.approx((4 * 0.365 / 9, 20 * 0.365 / 9), abs=1e-12)
@@ -177,7 +177,7 @@ def test_bar_from_arrays() -> None:
 
 
 def test_weighted_block() -> None:
-    found = run("weighted_block")["found"]
+    found = run_example("weighted_block")["found"]
     # M = kappa = 12, kappa r0 = g/2: penetration (g/2 - 0.3)/14 where positive, pressure g/2 - 12 s.
     known = {0.3: (0.0, 0.15), 0.6: (0.0, 0.3), 1.0: (0.2 / 14, 0.5 - 2.4 / 14), 3.0: (1.2 / 14, 1.5 - 14.4 / 14)}
     known[10.0] = (4.7 / 14, 5.0 - 56.4 / 14)
@@ -187,7 +187,7 @@ def test_weighted_block() -> None:
 
 
 def test_all_methods() -> None:
-    rows = run("all_methods")["rows"]
+    rows = run_example("all_methods")["rows"]
     assert rows.keys() == hv.solvers.METHODS.keys()
     known = independent(16, (-0.8, -0.8), constant(0.3), 2.0, constant(0.5))
     for name, row in rows.items():
@@ -201,7 +201,7 @@ def test_all_methods() -> None:
 
 
 def test_own_matrix_from_fem() -> None:
-    found = run("own_matrix_from_fem")
+    found = run_example("own_matrix_from_fem")
     s = 0.9 / 14
     assert found["penetration"] == pytest.approx(s, abs=1e-12)
     assert found["spread"] < 1e-12
@@ -211,7 +211,7 @@ def test_own_matrix_from_fem() -> None:
 
 
 def test_curved_contact_is_hertz_within_one_per_cent() -> None:
-    found = run("curved_contact")
+    found = run_example("curved_contact")
     width = math.sqrt(4 * found["load"] * (1 - 0.3**2) / math.pi)
     assert found["half_width"] == pytest.approx(width, rel=1e-12)
     assert found["found_width"] == pytest.approx(width, rel=0.01)
@@ -220,7 +220,7 @@ def test_curved_contact_is_hertz_within_one_per_cent() -> None:
 
 
 def test_hertz_obstacle_is_hertz_within_one_per_cent() -> None:
-    found = run("hertz_obstacle")
+    found = run_example("hertz_obstacle")
     width = math.sqrt(4 * found["force"] * 200.0 * (1 - 0.3**2) / (math.pi * 210e3))
     assert found["found_peak"] == pytest.approx(2 * found["force"] / (math.pi * width), rel=0.01)
     assert found["deepest"][1] / width == pytest.approx(
@@ -230,7 +230,7 @@ def test_hertz_obstacle_is_hertz_within_one_per_cent() -> None:
 
 def test_two_cylinders_are_hertz() -> None:
     """Half width and pressure by Hertz, for R = 10, E = 210000, nu = 0.3 and 1000 N/mm."""
-    found = run("two_cylinders")
+    found = run_example("two_cylinders")
     assert pytest.approx(0.2348908547, rel=1e-9) == found["HALF_WIDTH"]
     assert pytest.approx(2710.279092, rel=1e-9) == found["PEAK"]
     assert found["widths"][-1] == pytest.approx(0.2348908547, rel=0.01)
@@ -242,7 +242,7 @@ def test_two_cylinders_are_hertz() -> None:
 
 
 def test_two_spheres_are_hertz() -> None:
-    found = run("two_spheres")
+    found = run_example("two_spheres")
     assert pytest.approx(0.3191252149, rel=1e-9) == found["HALF_WIDTH"]
     assert pytest.approx(4688.340501, rel=1e-9) == found["PEAK"]
     assert found["errors"][-1] < 0.02
@@ -251,7 +251,7 @@ def test_two_spheres_are_hertz() -> None:
 
 
 def test_press_fit_is_lame_of_second_order() -> None:
-    found = run("press_fit")
+    found = run_example("press_fit")
     assert found["EXACT"]["strain"] == pytest.approx(54.08653846, rel=1e-9)
     for errors in found["errors"].values():
         assert errors[-1] < 5e-4
@@ -261,7 +261,7 @@ def test_press_fit_is_lame_of_second_order() -> None:
 
 @pytest.mark.slow  # by default a block that its weight holds does (tests/branches/test_path_limit_load.py)
 def test_a_retaining_wall_slides_and_topples_where_statics_says() -> None:
-    found = run("retaining_wall")
+    found = run_example("retaining_wall")
     area, push = 4.0 * (3.2 + 1.0) / 2.0, 9.81 * 4.0**2 / 2.0
     assert found["path"].limit_load == pytest.approx(0.7 * 24.0 * area / push, rel=1e-8)
     arm = 3.2 - (4.0 * 0.5 + 4.4 * (1.0 + 2.2 / 3.0)) / area  # of the weight about the toe: rectangle and triangle
@@ -272,7 +272,7 @@ def test_a_retaining_wall_slides_and_topples_where_statics_says() -> None:
 @pytest.mark.slow
 def test_rubber_bearing_is_a_thin_film() -> None:
     """The film with Tresca's friction, integrated by hand; the free side is felt less in thinner strips."""
-    forces = run("rubber_bearing")["forces"]
+    forces = run_example("rubber_bearing")["forces"]
     stuck = 0.12 / (6.0 * 0.01)
     for width, (force, film) in forces.items():
         end = 0.5 * width
@@ -282,7 +282,7 @@ def test_rubber_bearing_is_a_thin_film() -> None:
 
 
 def test_slip_flow_has_the_states_of_its_scalar_equations() -> None:
-    found = run("slip_flow")
+    found = run_example("slip_flow")
     slips = [one.unknowns.mean() for one in found["states"]]
     assert slips == pytest.approx([0.8 / 20.8, 0.5, 1.0], abs=1e-10)
     flows, fluxes = found["flows"], found["fluxes"]
@@ -306,7 +306,7 @@ def test_slip_flow_has_the_states_of_its_scalar_equations() -> None:
 
 
 def test_piezoelectric_sensor_is_a_spring_of_two_moduli() -> None:
-    found = run("piezoelectric_sensor")
+    found = run_example("piezoelectric_sensor")
     for circuit, modulus in (("short", 117e9), ("open", 117e9 + 23.3**2 / 1.302e-8)):
         pressure, _ = found["found"][circuit]
         kappa = modulus / 2e-3
@@ -324,7 +324,7 @@ def clamped_beam(load: float) -> float:
 
 
 def test_sinking_plate_follows_the_beam() -> None:
-    found = run("sinking_plate")
+    found = run_example("sinking_plate")
     # before the ground gives way the beam is known
     assert found["beam"](0.5 * 0.01) * clamped_beam(0.5) == pytest.approx(0.5 * 0.01, rel=1e-4)
     (sunk, stable), *_ = found["path"].at(0.5)
@@ -340,7 +340,7 @@ def test_sinking_plate_follows_the_beam() -> None:
 
 
 def test_glued_bracket_is_a_plane_base_on_springs() -> None:
-    found = run("glued_bracket")
+    found = run_example("glued_bracket")
     assert found["off"] < 0.015
     tension, shear = 6.0 * 48.0 / (40.0 * 60.0**2), 1.0 / 2400.0
     assert found["by_hand"] == pytest.approx(0.3 / math.hypot(tension, shear), rel=1e-12)
@@ -355,7 +355,7 @@ def test_glued_bracket_is_a_plane_base_on_springs() -> None:
 
 
 def test_indenters_are_those_of_hertz_and_sneddon() -> None:
-    found = run("indenters")
+    found = run_example("indenters")
     assert found["exact"]["sphere"] == pytest.approx(1.5, rel=1e-9)
     assert found["exact"]["punch"] == pytest.approx(4.395604396, rel=1e-9)
     assert found["radius"] == pytest.approx(0.3446814956, rel=1e-9)
@@ -370,7 +370,7 @@ def test_indenters_are_those_of_hertz_and_sneddon() -> None:
 
 
 def test_sticky_sphere_lets_go_at_the_force_of_johnson_kendall_and_roberts() -> None:
-    found = run("sticky_sphere")
+    found = run_example("sticky_sphere")
     assert found["PULL_OFF"] == pytest.approx(0.3769911184, rel=1e-9)
     assert 0.0 < found["above"] < 0.03
     assert found["off"] < 0.04
@@ -380,7 +380,7 @@ def test_sticky_sphere_lets_go_at_the_force_of_johnson_kendall_and_roberts() -> 
 
 
 def test_three_blocks_close_their_ledger_and_slip_at_coulombs_bound() -> None:
-    found = run("three_blocks")
+    found = run_example("three_blocks")
     assert found["history"].ended == "finished"
     assert found["gap"] < 1e-12
     for most in found["most"].values():
@@ -392,7 +392,7 @@ def test_three_blocks_close_their_ledger_and_slip_at_coulombs_bound() -> None:
 
 
 def test_wheel_on_rail_is_hertz_within_one_per_cent() -> None:
-    found = run("wheel_on_rail")
+    found = run_example("wheel_on_rail")
     assert found["mesh"].parts.count == 2
     width = math.sqrt(8.0 * found["force"] * 460.0 * (1.0 - 0.3**2) / (math.pi * 210e3))
     assert found["found_width"] == pytest.approx(width, rel=0.01)
@@ -405,7 +405,7 @@ def test_shipped_mesh_is_small(name: str) -> None:
 
 
 def test_law_in_space() -> None:
-    found = run("law_in_space")
+    found = run_example("law_in_space")
     assert found["uneven"].penetration == pytest.approx(0.06, abs=1e-12)
     assert found["layered"].penetration == pytest.approx((1.2 + 7 * 0.04) / 20, abs=1e-12)
     known = independent(32, (0.8, -0.8), found["hardness"], 2.0, found["bound"])
@@ -417,7 +417,7 @@ def test_law_in_space() -> None:
 
 
 def test_own_laws_are_the_named_one() -> None:
-    found = run("own_laws")
+    found = run_example("own_laws")
     for name, depth in found["depths"].items():
         assert depth == pytest.approx(found["depths"]["named"], rel=1e-6), name
     assert found["laws"]["table"].at(None).weak_convexity[0] == pytest.approx(2.0)
@@ -425,7 +425,7 @@ def test_own_laws_are_the_named_one() -> None:
 
 @pytest.mark.slow
 def test_warm_start() -> None:
-    found = run("warm_start")
+    found = run_example("warm_start")
     for warm, cold in zip(found["warm"], found["cold"], strict=True):
         assert np.abs(warm.unknowns - cold.unknowns).max() < 1e-9
     assert sum(warm.steps for warm in found["warm"]) < sum(cold.steps for cold in found["cold"])
@@ -434,14 +434,14 @@ def test_warm_start() -> None:
 
 
 def test_units() -> None:
-    found = run("units")
+    found = run_example("units")
     assert max(found["displacement"], found["pressure"], found["energy"]) < 1e-9
     assert found["si"].steps == found["mm"].steps
     assert 0 < found["touching"] < 40  # part of the bracket touches, part does not
 
 
 def test_patch_test() -> None:
-    found = run("patch_test")
+    found = run_example("patch_test")
     assert found["sunk"] < 1e-12
     assert found["uneven"] < 1e-12
     assert found["off"] < 1e-12
@@ -449,7 +449,7 @@ def test_patch_test() -> None:
 
 
 def test_three_solutions() -> None:
-    found = run("three_solutions")
+    found = run_example("three_solutions")
     assert found["found"].exhaustive
     assert found["depths"] == pytest.approx(found["by_hand"], abs=1e-12)
     # kappa (t r0 - r) = j'(r) where the law begins to give way, r = 0.1, and where nothing is left, r = 0.1 + 0.2/0.9
@@ -457,7 +457,7 @@ def test_three_solutions() -> None:
 
 
 def test_convexity_and_margin() -> None:
-    found = run("convexity_and_margin")
+    found = run_example("convexity_and_margin")
     for softening, margin in found["margins"].items():
         assert margin == pytest.approx(1.0 - softening / 12.0, abs=1e-6)
         if margin > 0.0:
@@ -466,7 +466,7 @@ def test_convexity_and_margin() -> None:
 
 
 def test_cube_friction() -> None:
-    found = run("cube_friction")
+    found = run_example("cube_friction")
     assert np.count_nonzero(found["slipping"]) > 0
     assert found["length"][found["slipping"]] == pytest.approx(0.4, abs=1e-9)
     assert found["length"].max() <= 0.4 + 1e-9
@@ -476,21 +476,21 @@ def test_cube_friction() -> None:
 
 @pytest.mark.slow
 def test_membrane_obstacle() -> None:
-    found = run("membrane_obstacle")
+    found = run_example("membrane_obstacle")
     orders = np.log2(np.array(found["errors"][:-1]) / found["errors"][1:])
     assert orders.mean() == pytest.approx(2.0, abs=0.2)
     assert found["solution"].contact_length == pytest.approx(math.pi * found["radius"] ** 2, rel=0.1)
 
 
 def test_antiplane_friction() -> None:
-    found = run("antiplane_friction")
+    found = run_example("antiplane_friction")
     assert found["error"] < 1e-3 * found["exact"].max()
     assert np.abs(found["friction"]).max() <= 1.0 + 1e-9
 
 
 @pytest.mark.slow
 def test_bounce() -> None:
-    found = run("bounce")
+    found = run_example("bounce")
     assert found["history"].events[0][0] == pytest.approx(math.sqrt(0.1), abs=0.02)
     assert abs(found["history"].ledger["gap"]) < 1e-6
     assert found["up"] == pytest.approx(found["known"].exact(found["known"].until), rel=0.02)
@@ -498,7 +498,7 @@ def test_bounce() -> None:
 
 @pytest.mark.slow
 def test_stick_slip() -> None:
-    found = run("stick_slip")
+    found = run_example("stick_slip")
     # rate V (1 - cos wt) + dF sin(wt)/sqrt(k m) = half of the peak, at wt = x
     x = brentq(lambda x: 0.1 * (1.0 - math.cos(x)) + 0.2 * math.sin(x) - 0.5 * found["belt"].peak, 0.0, 1.5)
     assert found["starts"][0] == pytest.approx(found["belt"].begins + x / 2.0, abs=0.08)  # steps of 0.03
@@ -507,18 +507,18 @@ def test_stick_slip() -> None:
 
 
 def test_relaxation() -> None:
-    errors = list(run("relaxation")["errors"].values())
+    errors = list(run_example("relaxation")["errors"].values())
     assert errors[-1] < 1e-4
     assert np.log2(errors[0] / errors[-1]) > 3.6
 
 
 def test_wear() -> None:
-    assert run("wear")["error"] < 0.01
+    assert run_example("wear")["error"] < 0.01
 
 
 @pytest.mark.slow
 def test_delayed_failure() -> None:
-    histories = run("delayed_failure")["histories"]
+    histories = run_example("delayed_failure")["histories"]
     rest, torn = histories[0.2]["tip.u_y"], histories[0.28]["tip.u_y"]
     assert rest[-1] == pytest.approx(rest[len(rest) // 2], rel=1e-2)
     assert torn[-1] > 3.0 * torn[len(torn) // 10] > 3.0 * rest[-1]
@@ -526,14 +526,14 @@ def test_delayed_failure() -> None:
 
 @pytest.mark.slow
 def test_bar_impact() -> None:
-    found = run("bar_impact")
+    found = run_example("bar_impact")
     for mean in found["means"].values():
         assert mean == pytest.approx(0.5, abs=0.01)
 
 
 @pytest.mark.slow
 def test_exact_distance() -> None:
-    found = run("exact_distance")
+    found = run_example("exact_distance")
     for n, bound in found["bounds"].items():
         assert bound.guaranteed
         assert bound.distance >= found["errors"][n]
@@ -542,7 +542,7 @@ def test_exact_distance() -> None:
 
 @pytest.mark.slow
 def test_adaptive_mesh() -> None:
-    found = run("adaptive_mesh")["found"]
+    found = run_example("adaptive_mesh")["found"]
     assert found.reached
     assert found.distance.relative <= 0.1
     assert found.distance.guaranteed
@@ -551,7 +551,7 @@ def test_adaptive_mesh() -> None:
 @pytest.mark.slow
 def test_mixed_mode() -> None:
     """The work is the fracture energy at every angle; the trapezoidal rule of 46 steps cuts the peak off."""
-    found = run("mixed_mode")
+    found = run_example("mixed_mode")
     assert len(found["works"]) == 4
     for work in found["works"].values():
         assert work == pytest.approx(0.5, rel=0.005)
@@ -561,7 +561,7 @@ def test_mixed_mode() -> None:
 
 
 def test_trace_constants() -> None:
-    found = run("trace_constants")
+    found = run_example("trace_constants")
     for bound in found["found"].values():
         assert 0.0 < bound.simple <= bound.lower <= bound.upper
     assert found["certificate"].margin >= 0.5  # the discrete constant is not below that of the body
@@ -570,23 +570,23 @@ def test_trace_constants() -> None:
 # ---- problem files -----------------------------------------------------------------------------------------
 
 
-def solved(name: str) -> hv.Solution:
+def solved_file(name: str) -> hv.Solution:
     return hv.solve(hv.discretize(hv.read_problem(EXAMPLES / "problems" / name))).raise_for_status()
 
 
 def test_file_of_the_survey() -> None:
     known = independent(32, (-0.8, -0.8), constant(0.3), 2.0, constant(0.5))
-    assert solved("survey_5_1.toml").energy == pytest.approx(known.energy, rel=1e-8)
+    assert solved_file("survey_5_1.toml").energy == pytest.approx(known.energy, rel=1e-8)
 
 
 def test_file_of_the_block() -> None:
-    solution = solved("block.toml")
+    solution = solved_file("block.toml")
     np.testing.assert_allclose(solution.penetration, 0.2 / 14, rtol=0, atol=1e-12)
     np.testing.assert_allclose(solution.pressure, 0.5 - 2.4 / 14, rtol=0, atol=1e-12)
 
 
 def test_file_of_the_half_disc_is_the_script() -> None:
-    solution, script = solved("half_disc.toml"), run("curved_contact")
+    solution, script = solved_file("half_disc.toml"), run_example("curved_contact")
     vertical = -(solution.problem.contact.weights * solution.pressure) @ solution.problem.contact.frames[:, 0, 1]
     assert vertical == pytest.approx(script["load"], rel=1e-9)
 
@@ -594,12 +594,12 @@ def test_file_of_the_half_disc_is_the_script() -> None:
 def test_files_of_the_cube_are_the_gallery() -> None:
     for name, problem in (("cube_friction", survey_cube("5.1", 8)), ("cube_logarithmic", survey_cube_logarithmic(n=8))):
         known = hv.solve(hv.discretize(problem)).raise_for_status()
-        assert solved(f"{name}.toml").energy == pytest.approx(known.energy, rel=1e-9)
+        assert solved_file(f"{name}.toml").energy == pytest.approx(known.energy, rel=1e-9)
 
 
 @pytest.mark.slow
 def test_thermoviscoelastic() -> None:
-    found = run("thermoviscoelastic")
+    found = run_example("thermoviscoelastic")
     assert found["momentum"] == pytest.approx(found["pushed"], rel=1e-6)
     assert abs(found["heat"].gap) < 1e-12
     assert 0.25 < found["temperature"].min() < found["temperature"].max() < 0.28
@@ -675,7 +675,7 @@ def test_own_elements_states_what_its_examples_print_and_shows_their_code() -> N
     for example, *_, by_hand, computed in rows:
         name = (re.findall(r"examples/(\w+)\.py", example) or [name])[0]
         for figure in (by_hand, computed):
-            assert figure.split()[0] in run(name)["printed"], f"{name} does not print {figure}"
+            assert figure.split()[0] in run_example(name)["printed"], f"{name} does not print {figure}"
     code = (EXAMPLES / "slip_flow.py").read_text(encoding="utf-8")
     block = text.split("DRAG = ")[1].split("slips = ")[0].splitlines()
     assert len(block) > 10

@@ -15,7 +15,7 @@ from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Solution, solve
 
 
-def solved(problem: ContactProblem) -> Solution:
+def solution_of(problem: ContactProblem) -> Solution:
     return solve(discretize(problem)).raise_for_status()
 
 
@@ -24,7 +24,7 @@ def test_survey_has_its_data_and_every_figure_is_solved() -> None:
         problem = survey(key, 4)
         assert problem.body_force == data.body_force
         assert "h_tau" in data.text
-        solution = solved(problem)
+        solution = solution_of(problem)
         assert np.abs(solution.friction).max() <= data.friction_bound * (1 + 1e-9)
     own = survey(SurveyData((0.0, -1.0), 0.2, 0.1, 1.0), 4)
     assert own.title == "survey's body, own data"
@@ -32,7 +32,7 @@ def test_survey_has_its_data_and_every_figure_is_solved() -> None:
 
 @pytest.mark.parametrize(("n", "largest"), [(32, 0.4986), (64, 0.4988)])
 def test_figure_3_sticks_just_below_its_bound(n: int, largest: float) -> None:
-    solution = solved(survey("figure3", n))
+    solution = solution_of(survey("figure3", n))
     assert np.abs(solution.friction).max() == pytest.approx(largest, abs=5e-5)
     assert np.abs(solution.slip).max() == 0.0
 
@@ -76,7 +76,7 @@ def test_bar_with_a_vertical_branch_is_refused() -> None:
 
 def test_patch_of_the_block_is_exact() -> None:
     known = weighted_block(n=4, top_displacement=0.1)
-    solution = solved(known.problem)
+    solution = solution_of(known.problem)
     points = known.problem.mesh.points
     assert np.abs(solution.displacement - known.displacement(points)).max() < 1e-14
     assert solution.penetration == pytest.approx(0.9 / 14, rel=1e-12)
@@ -86,7 +86,7 @@ def test_patch_of_the_block_is_exact() -> None:
 @pytest.mark.parametrize("weight", [0.3, 2.0])
 def test_block_under_its_own_weight(weight: float) -> None:
     known = weighted_block(n=8, weight=weight)
-    solution = solved(known.problem)
+    solution = solution_of(known.problem)
     points = known.problem.mesh.points
     assert solution.normal_force == pytest.approx(float(known.pressure(points)[0]), rel=1e-9)
     assert np.abs(solution.displacement - known.displacement(points)).max() < 2e-3 * weight
@@ -101,7 +101,7 @@ def test_manufactured_solution_is_approached() -> None:
     errors = {}
     for order, n in ((1, 8), (1, 16), (2, 4), (2, 8)):
         known = manufactured_spring(n, order=order)
-        solution = solved(known.problem)
+        solution = solution_of(known.problem)
         off = solution.displacement - known.displacement(solution.problem.field.nodes)
         errors[order, n] = float(np.sqrt(np.mean(off**2)))
     assert errors[1, 8] / errors[1, 16] > 3.0
@@ -109,7 +109,7 @@ def test_manufactured_solution_is_approached() -> None:
 
 
 def test_beam() -> None:
-    solution = solved(beam())
+    solution = solution_of(beam())
     points = solution.problem.field.mesh.points
     for place, expected in BEAM_DISPLACEMENTS.items():
         node = int(np.argmin(np.linalg.norm(points - place, axis=1)))

@@ -77,7 +77,7 @@ def test_what_is_not_pushed_is_refused() -> None:
             make(pushed=-0.1)
 
 
-def _energy(strain: Array) -> Array:
+def _quartic(strain: Array) -> Array:
     return np.asarray(4.0 * (strain**2).sum(axis=1) + 100.0 * (strain**4).sum(axis=1))
 
 
@@ -98,7 +98,7 @@ def _tangent(strain: Array) -> Array:
         (Material.ramberg_osgood(10.0, 0.25, 0.2, 8.0, linear_from=0.05, plane="stress"), None),
         (Material.potential("10/3*tr^2 + 4*dev2 + 50*tr^4", reach=0.3), None),
         (Material.potential("6*exx^2 + 6*eyy^2 + 4*exx*eyy + 8*exy^2 + 200*eyy^4", reach=0.3), None),
-        (Material.potential(_energy, _stress, _tangent, reach=0.3), None),
+        (Material.potential(_quartic, _stress, _tangent, reach=0.3), None),
     ],
     ids=lambda value: getattr(value, "kind", None),
 )

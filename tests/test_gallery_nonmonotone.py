@@ -207,7 +207,7 @@ def load(path: Path) -> ModuleType:
     return module
 
 
-def run(name: str) -> dict[str, Any]:
+def run_example(name: str) -> dict[str, Any]:
     """What an example has defined when it has run."""
     matplotlib.use("Agg")
     found = runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
@@ -217,7 +217,7 @@ def run(name: str) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_example_of_the_weakening_friction() -> None:
-    found = run("weakening_friction")
+    found = run_example("weakening_friction")
     assert found["worst"] < 1e-12
     assert len(found["roots"]) == 6
     assert found["margins"][1.0] == pytest.approx(0.8101, abs=1e-4)
@@ -227,7 +227,7 @@ def test_example_of_the_weakening_friction() -> None:
 
 @pytest.mark.slow
 def test_example_of_the_delamination() -> None:
-    found = run("delamination")
+    found = run_example("delamination")
     assert found["units"] < 1e-9
     assert [found["FACTORS"][i] for i in found["jumps"]] == [0.94, 1.06]
     assert found["teeth"] == pytest.approx([0.9276, 1.0494, 1.0068], abs=1e-4)
@@ -235,7 +235,7 @@ def test_example_of_the_delamination() -> None:
 
 @pytest.mark.slow
 def test_example_of_the_foundation_that_breaks() -> None:
-    found = run("broken_foundation")
+    found = run_example("broken_foundation")
     assert found["supported"].energy == pytest.approx(-0.139150, abs=1e-6)
     assert found["broken"].energy < -0.35
     loads = [*found["loads"].values(), found["breaking_load"](16)]

@@ -48,7 +48,7 @@ def unstructured(n: int) -> hv.DiscreteProblem:
     return hv.discretize(problem.on(mesh))
 
 
-def state() -> dict[str, Any]:
+def process_state() -> dict[str, Any]:
     """Everything in the process that a library may spoil for others."""
     import matplotlib as mpl
     from matplotlib import pyplot
@@ -79,7 +79,7 @@ def solved() -> hv.Solution:
     return hv.solve(hv.discretize(square(n=8)))
 
 
-def refused(formula: str) -> None:
+def refused_formula(formula: str) -> None:
     with pytest.raises(hv.errors.ProblemError):
         hv.FormulaLaw(formula)
 
@@ -107,7 +107,7 @@ PUBLIC: dict[str, Callable[[hv.Solution, Path], object]] = {
         hv.laws.PenetrationBound("min(8*s, 0.8)"),
         hv.table_law([0.0, 0.01, 0.02], [0.0, 1.0, 0.5]),
     ],
-    "refused": lambda s, path: refused("foo(r)"),
+    "refused": lambda s, path: refused_formula("foo(r)"),
     "figures": lambda s, path: report.save(report.plot_solution(s), path / "figure.png"),
     "contact figures": lambda s, path: report.save(report.plot_contact(s), path / "figure.svg"),
     "files": lambda s, path: [files.write_csv(s, path / "x.csv"), files.write_vtu(s, path / "x.vtu")],
@@ -117,18 +117,18 @@ PUBLIC: dict[str, Callable[[hv.Solution, Path], object]] = {
 @pytest.mark.parametrize("name", sampled(PUBLIC, 3))
 def test_nothing_global_changes(name: str, solved: hv.Solution, tmp_path: Path) -> None:
     PUBLIC[name](solved, tmp_path)  # what the first use imports is not watched
-    before = state()
+    before = process_state()
     PUBLIC[name](solved, tmp_path)
-    after = state()
+    after = process_state()
     assert [key for key in before if before[key] != after[key]] == []
 
 
 def test_read_problem_changes_nothing_global(tmp_path: Path) -> None:
     file = tmp_path / "problem.toml"
     file.write_text(TOML, encoding="utf-8")
-    before = state()
+    before = process_state()
     hv.read_problem(file)
-    assert state() == before
+    assert process_state() == before
 
 
 def test_importing_every_room_changes_nothing_global() -> None:

@@ -70,7 +70,7 @@ def pictures(output: dict[str, Any]) -> list[bytes]:
     return [base64.b64decode(one) for one in [*([data["image/png"]] if "image/png" in data else []), *inside]]
 
 
-def drawn(picture: bytes) -> bool:
+def not_blank(picture: bytes) -> bool:
     """Whether there is something on it."""
     from matplotlib.image import imread
 
@@ -91,7 +91,7 @@ def wrong(cells: list[Any]) -> list[str]:
                 found.append(f"a name in place of a picture: {plain}")
             if len(text) > 2000 or (not pictures(output) and len(plain) > 800):
                 found.append("a page of text")
-            found += ["an empty picture" for one in pictures(output) if not drawn(one)]
+            found += ["an empty picture" for one in pictures(output) if not not_blank(one)]
     return found
 
 

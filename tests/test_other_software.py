@@ -13,7 +13,7 @@ import hemivar as hv
 PAGE = Path(__file__).parents[1] / "docs" / "from-other-software.md"
 
 
-def block(heading: str) -> str:
+def code_under(heading: str) -> str:
     """The code under a heading."""
     section = PAGE.read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
     (code,) = re.findall(r"^```py\n(.*?)^```", section, re.DOTALL | re.MULTILINE)
@@ -28,7 +28,7 @@ def test_code_for_another_code(
     module: str, heading: str, tolerance: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """DOLFINx cuts squares as ``pattern="right"`` does, GetFEM in another way."""
-    code = block(heading)
+    code = code_under(heading)
     compile(code, heading, "exec")
     pytest.importorskip(module)
     monkeypatch.chdir(tmp_path)
@@ -49,4 +49,4 @@ def test_code_for_another_code(
 
 def test_the_code_stands_on_the_page() -> None:
     for heading in ("GetFEM", "FEniCSx (DOLFINx)"):
-        assert "of_arrays" in block(heading)
+        assert "of_arrays" in code_under(heading)

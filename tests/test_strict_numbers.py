@@ -26,7 +26,7 @@ runpy.run_path(sys.argv[1], run_name="__main__")
 """
 
 
-def body(law: hv.laws.Superpotential, friction: hv.laws.Friction | None = None) -> hv.ContactProblem:
+def loaded_square(law: hv.laws.Superpotential, friction: hv.laws.Friction | None = None) -> hv.ContactProblem:
     return hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 4, pattern="cross"),
         material=hv.Material.lame(4.0, 4.0),
@@ -49,11 +49,11 @@ TASKS: dict[str, Callable[[hv.ContactProblem], object]] = {
 def test_nothing_raises_where_numpy_raises(task: str) -> None:
     with np.errstate(all="raise"):
         problems = {
-            "softening": body(hv.Softening(stiffness=60.0, limit=0.02, softening=16.0)),
-            "coulomb": body(hv.Signorini(), hv.Coulomb(0.3)),
-            "tresca": body(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.1)),
-            "glue": body(hv.laws.Adhesive(40.0, 1.0)),
-            "formula": body(hv.laws.FormulaLaw(derivative="r*exp(-r^2)", reach=2.0)),
+            "softening": loaded_square(hv.Softening(stiffness=60.0, limit=0.02, softening=16.0)),
+            "coulomb": loaded_square(hv.Signorini(), hv.Coulomb(0.3)),
+            "tresca": loaded_square(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.1)),
+            "glue": loaded_square(hv.laws.Adhesive(40.0, 1.0)),
+            "formula": loaded_square(hv.laws.FormulaLaw(derivative="r*exp(-r^2)", reach=2.0)),
         }
         for name, problem in problems.items():
             try:

@@ -19,7 +19,7 @@ class Side(StrEnum):
 
 
 @expecting(size=positive, count=int, share=float, loud=bool, label=str, sides=[Side])
-def drawn(
+def shown_values(
     size: object = 1.0, count: object = 1, share: object = 0.0, loud: object = True, label: object = "",
     sides: object = (), missing: object = None,
 ) -> str:  # fmt: skip
@@ -55,12 +55,12 @@ def test_short_values_are_quoted_as_they_are() -> None:
 )
 def test_arguments_of_other_kinds_are_refused_at_the_call(given: dict[str, object], words: str) -> None:
     with pytest.raises(ProblemError) as error:
-        drawn(**given)
+        shown_values(**given)
     assert words in str(error.value)
 
 
 def test_numbers_of_numpy_and_what_is_not_declared_pass() -> None:
-    assert drawn(np.float32(2.0), np.int64(3), -1.5, np.True_, "a", [Side.LEFT], object()) == "2.0 3 -1.5 True a"
+    assert shown_values(np.float32(2.0), np.int64(3), -1.5, np.True_, "a", [Side.LEFT], object()) == "2.0 3 -1.5 True a"
 
 
 @pytest.mark.parametrize("value", [None, "up", np.zeros(3), sp.eye_array(2).tocsr(), np.array(["left"])])

@@ -44,7 +44,7 @@ class Slope:
         return 2.0 * self.slope * x
 
 
-def changed(array: np.ndarray[Any, Any], place: int) -> np.ndarray[Any, Any]:
+def nudged(array: np.ndarray[Any, Any], place: int) -> np.ndarray[Any, Any]:
     array = array.copy()
     array[place] += 1e-15
     return array
@@ -52,7 +52,7 @@ def changed(array: np.ndarray[Any, Any], place: int) -> np.ndarray[Any, Any]:
 
 LONG = np.linspace(0.0, 1.0, 5000)
 PAIRS: dict[str, tuple[object, object]] = {
-    "beyond what is printed": (LONG, changed(LONG, 2500)),
+    "beyond what is printed": (LONG, nudged(LONG, 2500)),
     "shapes": (np.zeros((2, 3)), np.zeros((3, 2))),
     "kinds of number": (np.zeros(2), np.zeros(2, dtype=np.float32)),
     "last bits": (0.1, 0.1 + 2e-17 + 1e-17),

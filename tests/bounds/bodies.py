@@ -42,7 +42,7 @@ def anisotropic(dim: int) -> Material:
     return Material.tensor(4.0 * np.eye(len(root)) + root @ root.T)
 
 
-def turned() -> ContactProblem:
+def turned_square() -> ContactProblem:
     """A square turned by 0.4, on rollers that are oblique therefore, with a pressure on top."""
     return bodies.body(
         plane_mesh().rotated(0.4),
@@ -84,7 +84,7 @@ def layered() -> ContactProblem:
     )
 
 
-def graded() -> ContactProblem:
+def graded_loads() -> ContactProblem:
     """A modulus that varies within cells; loads that vary; contact where a support holds one component."""
 
     def modulus(x: Array) -> Array:
@@ -138,9 +138,9 @@ def without_contact() -> ContactProblem:
 BODIES: dict[str, Callable[[], ContactProblem]] = {
     "survey": lambda: survey("5.1", 4),
     "survey, right": lambda: survey("figure1", 5, pattern="right"),
-    "turned": turned,
+    "turned": turned_square,
     "layered": layered,
-    "graded": graded,
+    "graded": graded_loads,
     "without contact": without_contact,
     "cube": lambda: survey_cube("5.1", 2),
     "turned in space": turned_in_space,

@@ -36,7 +36,7 @@ from hemivar.solvers import solve
 from tests import bodies
 
 from .admissibility import imbalance
-from .test_exact_distance import random_problem
+from .test_exact_distance import random_square
 
 V = PatchKind.VERTEX
 
@@ -46,14 +46,14 @@ def energy_of(problem: ContactProblem, v: Array) -> float:
     return float(np.sqrt(v.ravel() @ (stiffness @ v.ravel())))
 
 
-def judged(problem: ContactProblem) -> tuple[ExactDistance, Array]:
+def bound_of_solution(problem: ContactProblem) -> tuple[ExactDistance, Array]:
     solution = solve(problem)
     return exact_distance(problem, solution.displacement, discrete_trace_bounds(solution.problem)), (
         solution.displacement
     )
 
 
-def error_of(problem: ContactProblem, u: Array, mesh: Mesh) -> float:
+def error_on_mesh(problem: ContactProblem, u: Array, mesh: Mesh) -> float:
     """Distance to the solution with quadratic elements on a mesh that holds that of the problem."""
     fine = replace(problem, mesh=mesh)
     reference = solve(fine)
@@ -62,7 +62,7 @@ def error_of(problem: ContactProblem, u: Array, mesh: Mesh) -> float:
     return energy_of(fine, reference.displacement - interpolate(field, u, fine.mesh.nodes(2)))
 
 
-def graded(mesh: Mesh, corners: Array, turns: int) -> Mesh:
+def refined_towards(mesh: Mesh, corners: Array, turns: int) -> Mesh:
     """Refined towards some places."""
     for _ in range(turns):
         far = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1)[:, None] - corners, axis=2).min(axis=1)
@@ -80,7 +80,7 @@ def test_effectivity_on_the_survey(data: str, n: int) -> None:
     """At most 1.6, the survey's laws being monotone; against a reference graded to the ends of the clamped side."""
     stated = replace(survey(data, 4), order=2)
     problem = replace(stated, mesh=stated.mesh.refined(n))
-    fine = replace(stated, mesh=graded(stated.mesh.refined(n + 1), np.array([[0.0, 0.0], [0.0, 1.0]]), 5))
+    fine = replace(stated, mesh=refined_towards(stated.mesh.refined(n + 1), np.array([[0.0, 0.0], [0.0, 1.0]]), 5))
     solution = solve(problem)
     found = exact_distance(problem, solution.displacement, guaranteed_trace_bounds(discretize(stated)))
     field = solution.problem.field
@@ -96,7 +96,7 @@ def test_a_quadratic_solution_is_told_so() -> None:
     """The block under its weight, whose displacement is quadratic."""
     known = weighted_block(n=3)
     problem = replace(known.problem, order=2)
-    found, u = judged(problem)
+    found, u = bound_of_solution(problem)
     assert np.abs(u - known.displacement(problem.mesh.nodes(2))).max() < 1e-12
     assert found.distance < 1e-6 * found.energy_norm
     assert found.relative == pytest.approx(found.distance / energy_of(problem, u))
@@ -109,7 +109,7 @@ def test_manufactured_softening(pattern: str) -> None:
     for n in (4, 8):
         known = manufactured_softening(n, pattern=pattern)  # type: ignore[arg-type]
         problem = replace(known.problem, order=2)
-        found, u = judged(problem)
+        found, u = bound_of_solution(problem)
         field = discretize(problem).field
         assert field is not None
         fine = replace(problem, mesh=problem.mesh.refined(2))
@@ -125,9 +125,9 @@ def test_manufactured_softening(pattern: str) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_bound_is_not_below_the_error_of_random_problems(seed: int) -> None:
-    problem = replace(random_problem(seed), order=2)
-    found, u = judged(problem)
-    error = error_of(problem, u, problem.mesh.refined(2))
+    problem = replace(random_square(seed), order=2)
+    found, u = bound_of_solution(problem)
+    error = error_on_mesh(problem, u, problem.mesh.refined(2))
     assert error <= found.distance
     assert found.distance * (1.0 - found.constant) < 2.5 * error
 
@@ -139,8 +139,8 @@ def test_friction_that_weakens() -> None:
         contact={"bottom": Contact(Compliance(10.0), SlipWeakening(0.1, 1.0, 0.5, 20.0))},
         body_force=(0.9, -0.3),
     )
-    found, u = judged(problem)
-    error = error_of(problem, u, problem.mesh.refined(2))
+    found, u = bound_of_solution(problem)
+    error = error_on_mesh(problem, u, problem.mesh.refined(2))
     assert 0.1 < found.constant < 1.0
     assert error <= found.distance
     assert found.distance * (1.0 - found.constant) < 2.0 * error
@@ -149,7 +149,7 @@ def test_friction_that_weakens() -> None:
 def test_units_and_rotation_change_nothing() -> None:
     problem = replace(survey("figure2", 4), order=2, contact={"bottom": Contact(Signorini(), Tresca(0.05))},
                       body_force=(0.9, -0.3))  # fmt: skip
-    found, _ = judged(problem)
+    found, _ = bound_of_solution(problem)
     assert found.parts.correction > 0.0
     assert found.parts.gap > 0.0
     parts = found.parts
@@ -159,7 +159,7 @@ def test_units_and_rotation_change_nothing() -> None:
     c, s = np.cos(0.7), np.sin(0.7)
     turned = replace(problem, mesh=problem.mesh.rotated(0.7),
                      body_force=tuple(np.array([[c, -s], [s, c]]) @ np.array([0.9, -0.3])))  # fmt: skip
-    assert judged(turned)[0].distance == pytest.approx(found.distance, rel=1e-7)
+    assert bound_of_solution(turned)[0].distance == pytest.approx(found.distance, rel=1e-7)
     length, force = 1e3, 1e6
     other = replace(
         problem,
@@ -168,7 +168,7 @@ def test_units_and_rotation_change_nothing() -> None:
         body_force=(0.9 * force / length, -0.3 * force / length),
         contact={"bottom": Contact(Signorini(), Tresca(0.05 * force))},
     )
-    assert judged(other)[0].distance == pytest.approx(found.distance * np.sqrt(force) * length, rel=1e-6)
+    assert bound_of_solution(other)[0].distance == pytest.approx(found.distance * np.sqrt(force) * length, rel=1e-6)
 
 
 # ---- traces --------------------------------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ def conjugate_in_plane(stress: Array) -> float:
     return float(found.fun)
 
 
-def body(dim: int, material: Material, order: int = 1) -> ContactProblem:
+def shaken_body(dim: int, material: Material, order: int = 1) -> ContactProblem:
     mesh = shaken(rectangle((1.0, 1.0), 2)) if dim == 2 else box((1.0, 1.0, 1.0), 1)
     return ContactProblem(
         mesh=mesh, material=material, supports={"left": Clamped()}, body_force=(0.3, -0.2, 0.1)[:dim], order=order
@@ -84,7 +84,7 @@ def exact_gap(stress: AdmissibleStress) -> Array:
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("size", [0.01, 0.1])
 def test_it_is_above_that_of_the_closed_form_and_near_to_it(dim: int, size: float) -> None:
-    stress = stress_of(body(dim, hencky()), size)
+    stress = stress_of(shaken_body(dim, hencky()), size)
     exact, square = exact_gap(stress), stress.square
     assert (stress.misfit >= exact * (1.0 - 1e-9)).all()
     # of what C_low alone leaves above it at least two thirds go
@@ -93,8 +93,8 @@ def test_it_is_above_that_of_the_closed_form_and_near_to_it(dim: int, size: floa
 
 def test_without_softening_it_is_the_misfit_of_the_linear_material() -> None:
     for plane in ("strain", "stress"):
-        potential = stress_of(body(2, hencky(1.0, plane=plane)), 0.1)
-        linear = stress_of(body(2, Material.lame(BULK - 2.0 * SHEAR / 3.0, SHEAR, plane=plane)), 0.1)
+        potential = stress_of(shaken_body(2, hencky(1.0, plane=plane)), 0.1)
+        linear = stress_of(shaken_body(2, Material.lame(BULK - 2.0 * SHEAR / 3.0, SHEAR, plane=plane)), 0.1)
         assert potential.misfit == pytest.approx(linear.misfit, rel=1e-12)
         assert potential.data.energy == pytest.approx(linear.data.energy, rel=1e-12)
 
@@ -104,8 +104,8 @@ def test_regions_take_part_each_with_its_own_material() -> None:
     half = mesh.points[mesh.cells].mean(axis=1)[:, 0] < 0.5
     mesh = mesh.named(dict(mesh.boundaries), {"a": np.flatnonzero(half), "b": np.flatnonzero(~half)})
     linear = Material.lame(2.0, 3.0)
-    mixed = stress_of(replace(body(2, Material.by_region({"a": hencky(), "b": linear})), mesh=mesh), 0.05)
-    soft, stiff = (stress_of(replace(body(2, one), mesh=mesh), 0.05) for one in (hencky(), linear))
+    mixed = stress_of(replace(shaken_body(2, Material.by_region({"a": hencky(), "b": linear})), mesh=mesh), 0.05)
+    soft, stiff = (stress_of(replace(shaken_body(2, one), mesh=mesh), 0.05) for one in (hencky(), linear))
     own = replace(mixed.data, stored=mixed.data.stored)
     assert own.stress[half] == pytest.approx(soft.data.stress[half], rel=1e-13)
     assert own.stress[~half] == pytest.approx(stiff.data.stress[~half], rel=1e-13)
@@ -114,11 +114,11 @@ def test_regions_take_part_each_with_its_own_material() -> None:
 
 
 def test_units_do_not_matter() -> None:
-    one = stress_of(body(2, hencky()), 0.05).misfit
-    scaled = replace(body(2, Material.hencky(1e9 * BULK, 1e9 * SHEAR, SOFTENED, STRAIN)), body_force=(3e8, -2e8))
+    one = stress_of(shaken_body(2, hencky()), 0.05).misfit
+    scaled = replace(shaken_body(2, Material.hencky(1e9 * BULK, 1e9 * SHEAR, SOFTENED, STRAIN)), body_force=(3e8, -2e8))
     assert stress_of(scaled, 0.05).misfit == pytest.approx(1e9 * one, rel=1e-9)
 
 
 def test_quadratic_elements_are_refused_in_words() -> None:
     with pytest.raises(ProblemError, match="linear elements; take order = 1"):
-        body_data(body(2, hencky(), order=2), np.zeros((25, 2)))
+        body_data(shaken_body(2, hencky(), order=2), np.zeros((25, 2)))

@@ -141,7 +141,7 @@ def compact(points: Array, cells: Array) -> tuple[Array, Array]:
     return points[used], number.reshape(cells.shape)
 
 
-def ring(count: int) -> Mesh:
+def quarter_ring(count: int) -> Mesh:
     """A quarter of a ring round the origin, radii 1 and 2: an outer side to cut at, an inner one to keep."""
     square = rectangle((1.0, 1.0), (count, count))
     r, angle = 1.0 + square.points[:, 0], 0.5 * np.pi * square.points[:, 1]
@@ -158,7 +158,7 @@ def ring(count: int) -> Mesh:
 
 def test_a_curve_is_cut_at_inwards_only() -> None:
     """What is left of a quarter of a ring keeps away from the hole and from beyond the rim."""
-    mesh = ring(24)
+    mesh = quarter_ring(24)
     none = np.zeros(mesh.number_of_cells, dtype=np.int64)
     left = coarsened(mesh, labels_of(mesh), none, 40)
     assert 0.0 < left.loss < 0.02 * mesh.volumes.sum()
@@ -189,14 +189,14 @@ def test_cells_of_the_mesh_do_not_matter(power: float) -> None:
     assert 0.97 * true < found.both.lower < 1.0002 * true
 
 
-def random_body(seed: int) -> hv.ContactProblem:
+def random_graded(seed: int) -> hv.ContactProblem:
     rng = np.random.default_rng(seed)
     sides = (float(rng.uniform(0.3, 3.0)), 1.0)
     mesh = [
         lambda: graded(rectangle((1.0, 1.0), (5, 5)), float(rng.uniform(1.0, 3.0))).moved(np.diag(sides)),
         lambda: scattered(2, 40, seed).moved(np.diag(sides)),
         lambda: rectangle(sides, (4, 4)).refined_where([0, 1]).refined_where([0, 1, 2]),
-        lambda: ring(6),
+        lambda: quarter_ring(6),
     ][seed % 4]()
     mesh = Mesh.trusted(mesh.points, mesh.cells, mesh.boundaries, {})  # it knows no coarser one
     middle = mesh.points[mesh.cells].mean(axis=1)[:, 1]
@@ -214,7 +214,7 @@ def random_body(seed: int) -> hv.ContactProblem:
 @pytest.mark.parametrize("seed", sampled(range(16), 3))
 def test_constants_of_a_part_are_below_those_of_the_body(seed: int) -> None:
     """Quadratic displacements on the mesh itself, halved: graded, scattered, locally refined, curved; layered."""
-    problem = random_body(seed)
+    problem = random_graded(seed)
     value = galerkin(replace(problem, mesh=problem.mesh.refined()))
     bare = bare_body(problem)
     for body, target in ((bare, 20), (bare, 0), (softened(bare), 20)):
@@ -452,7 +452,7 @@ def test_one_material_below_all() -> None:
 
 def test_a_curved_side_that_is_held_stays() -> None:
     """The rim of a quarter of a ring is held: none of its nodes goes."""
-    mesh = ring(12)
+    mesh = quarter_ring(12)
     at = np.linalg.norm(mesh.points[mesh.boundary_facets], axis=2)
     rim = mesh.boundary_facets[(at > 2.0 - 1e-9).all(axis=1)]
     part, whole = part_of_body(bare_body(held(mesh.with_boundaries({**mesh.boundaries, "left": rim}))), 0, LOSS)

@@ -33,7 +33,7 @@ from .admissibility import imbalance
 from .bodies import BODIES, VARYING
 
 
-def graded(power: float, order: int = 1) -> ContactProblem:
+def graded_square(power: float, order: int = 1) -> ContactProblem:
     """A square with columns that shrink towards the clamped side."""
     mesh = rectangle((1.0, 1.0), 5, pattern="cross")
     points = mesh.points * 1.0
@@ -92,7 +92,7 @@ def test_a_step_gains_at_least_what_its_sweep_does_and_keeps_equilibrium(name: s
 @pytest.mark.parametrize("order", [1, 2])
 def test_few_steps_do_what_many_sweeps_do(order: int) -> None:
     """Six steps leave less misfit than twelve sweeps, where cells are stretched."""
-    stress = first_stress(graded(3.0, order))
+    stress = first_stress(graded_square(3.0, order))
     swept, stepped, last = PatchSmoother(stress), PatchSmoother(stress), None
     for _ in range(12):
         swept.sweep(PatchKind.VERTEX)
@@ -113,7 +113,7 @@ def error_of(problem: ContactProblem, u: Array) -> float:
 
 @pytest.mark.parametrize(("power", "gain"), [(2.0, 1.0), (3.0, 1.3), (4.0, 3.0)])
 def test_the_bound_is_sharp_on_graded_meshes(power: float, gain: float) -> None:
-    problem = graded(power)
+    problem = graded_square(power)
     solution = solve(problem)
     constants = guaranteed_trace_bounds(solution.problem)
     error = error_of(problem, solution.displacement)
@@ -181,7 +181,7 @@ def test_first_tractions_are_the_nearest_by_what_they_cost() -> None:
 
 def test_a_convex_law_does_without_constants_that_are_poor() -> None:
     """Constants that are smaller by far make the contact part large; the other theorem does not need any."""
-    problem = graded(2.0)
+    problem = graded_square(2.0)
     solution = solve(problem)
     constants = guaranteed_trace_bounds(solution.problem)
     poor = replace(

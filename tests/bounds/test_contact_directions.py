@@ -30,7 +30,7 @@ from tests.samples import sampled
 LAME = Material.lame(4.0, 4.0)
 
 
-def column(angle: float = 80.0, cells: tuple[int, int] = (4, 16)) -> ContactProblem:
+def leaning_column(angle: float = 80.0, cells: tuple[int, int] = (4, 16)) -> ContactProblem:
     """Clamped below, a plane at its top corner that is turned out of the top by an angle in degrees."""
     turn = np.radians(angle)
     contact = {
@@ -71,7 +71,7 @@ def shown(problem: ContactProblem, normal: Array, parts: tuple[float, float]) ->
 @pytest.mark.parametrize("rolling", [False, True])
 def test_constants_have_the_directions_of_a_plane(angle: float, rolling: bool) -> None:
     """Not below what quadratic elements show, and near to it; where a roller holds the boundary along x, too."""
-    problem = column(angle, (4, 8))
+    problem = leaning_column(angle, (4, 8))
     if rolling:
         problem = replace(problem, supports={"bottom": Clamped(), "left": Roller()})
     normal = np.array([np.sin(np.radians(angle)), np.cos(np.radians(angle))])
@@ -87,7 +87,7 @@ def test_constants_have_the_directions_of_a_plane(angle: float, rolling: bool) -
 
 
 def test_a_curved_obstacle_takes_the_whole_trace() -> None:
-    problem = column()
+    problem = leaning_column()
     ball = replace(problem.contact["top"], obstacle=Sphere((6.0, 4.0), 5.0))
     found, plain = lower_bounds(replace(problem, contact={"top": ball})), lower_bounds(problem)
     assert found.whole
@@ -102,7 +102,7 @@ def test_a_curved_obstacle_takes_the_whole_trace() -> None:
 
 def test_two_solutions_have_no_guarantee_that_leaves_one_out() -> None:
     """The body leans on the plane, or is pushed through it: two solutions 13 apart in the energy norm."""
-    problem = column()
+    problem = leaning_column()
     discrete = discretize(problem)
     constants = guaranteed_trace_bounds(discrete)
     solutions = [solve(discrete), solve(discrete, initial=solve(replace(problem, body_force=(20.0, 0.0))).unknowns)]
@@ -117,7 +117,7 @@ def test_two_solutions_have_no_guarantee_that_leaves_one_out() -> None:
 
 @pytest.mark.parametrize("name", ["normal", "both", "weighted"])
 def test_constants_that_the_mesh_contradicts_are_refused(name: str) -> None:
-    problem = replace(column(10.0), contact={"top": Contact(Softening(4.0, 0.05, 0.5))})
+    problem = replace(leaning_column(10.0), contact={"top": Contact(Softening(4.0, 0.05, 0.5))})
     problem = replace(problem, body_force=(0.1, 0.5))
     solution = solve(problem)
     right = guaranteed_trace_bounds(solution.problem)
@@ -162,7 +162,9 @@ def test_what_a_mesh_shows_is_never_above_right_constants(seed: int) -> None:
 
 def test_friction_that_depends_on_the_penetration_counts_once() -> None:
     """``int |v_nu| |v_tau|`` is at most half of ``int |v|^2``."""
-    problem = replace(column(10.0), contact={"top": Contact(Compliance(3.0), Friction(PenetrationBound("0.5*s")))})
+    problem = replace(
+        leaning_column(10.0), contact={"top": Contact(Compliance(3.0), Friction(PenetrationBound("0.5*s")))}
+    )
     solution = solve(replace(problem, body_force=(0.1, 0.5)))
     constants = guaranteed_trace_bounds(solution.problem)
     found = exact_distance(replace(problem, body_force=(0.1, 0.5)), solution.displacement, constants)

@@ -141,14 +141,14 @@ def test_gaps_of_obstacles() -> None:
     assert traces.frames[..., 0, :] == pytest.approx(np.broadcast_to(-normal, x.shape))
 
 
-def table(knots: list[float], slopes: list[float], jumps: list[float]) -> PiecewiseQuadratic:
+def kinked_law(knots: list[float], slopes: list[float], jumps: list[float]) -> PiecewiseQuadratic:
     return PiecewiseQuadratic(np.array(knots), np.array(slopes), np.array(jumps))
 
 
 SCALARS: dict[str, Superpotential] = {
     "softening": Softening(4.0, 0.05, 1.5),
-    "rising and falling": table([-0.2, 0.1, 0.3, 0.7], [0.0, 2.0, -1.5, 3.0, 0.5], [0.1, 0.2, 0.0, 0.3]),
-    "a downward jump": table([0.0, 0.4], [1.0, 2.0, -0.5], [0.2, -0.3]),
+    "rising and falling": kinked_law([-0.2, 0.1, 0.3, 0.7], [0.0, 2.0, -1.5, 3.0, 0.5], [0.1, 0.2, 0.0, 0.3]),
+    "a downward jump": kinked_law([0.0, 0.4], [1.0, 2.0, -0.5], [0.2, -0.3]),
     "convex": Compliance(3.0),
 }
 

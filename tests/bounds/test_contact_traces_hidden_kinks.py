@@ -27,7 +27,7 @@ def spikes(places: Array) -> tuple[Array, Array]:
     return np.concatenate([[-3.0], s, [1.0]]), np.concatenate([[0.0], np.outer(half, [0.0, STEEP, 0.0]).ravel(), [0.0]])
 
 
-def seen(dim: int) -> Array:
+def rule_points(dim: int) -> Array:
     """The places x at which rules on one square or cube look."""
     if dim == 2:
         gauss = 0.5 + np.sqrt(15.0) / 10.0 * np.array([-1.0, 0.0, 1.0])
@@ -38,7 +38,7 @@ def seen(dim: int) -> Array:
     )
 
 
-def judged(dim: int, table: tuple[Array, Array] | str) -> tuple[DistanceToExact, float]:
+def bound_and_least(dim: int, table: tuple[Array, Array] | str) -> tuple[DistanceToExact, float]:
     """A block above a plane that is oblique and dragged along, whose friction depends on the gap; all of it is far.
 
     And what the solution is at least, in the energy norm: by the field that shears the block.
@@ -60,15 +60,15 @@ def judged(dim: int, table: tuple[Array, Array] | str) -> tuple[DistanceToExact,
 @pytest.mark.parametrize("dim", [2, 3])
 def test_what_friction_does_between_the_points_counts(dim: int) -> None:
     """The gap is 0.1 + x; at the nodes, and where rules would look, there is no friction."""
-    found, least = judged(dim, spikes(-0.1 - seen(dim)))
+    found, least = bound_and_least(dim, spikes(-0.1 - rule_points(dim)))
     assert found.guaranteed, found.why
     assert found.bound >= least > 0.0
 
 
 def test_one_spike_in_space_is_cut_out() -> None:
-    x = np.sort(np.unique(np.round(seen(3), 12)))
+    x = np.sort(np.unique(np.round(rule_points(3), 12)))
     widest = int(np.argmax(np.diff(x)))
-    found, least = judged(3, spikes(-0.1 - x[widest : widest + 2]))
+    found, least = bound_and_least(3, spikes(-0.1 - x[widest : widest + 2]))
     assert found.guaranteed, found.why
     assert found.bound >= least > 0.0
 
@@ -78,7 +78,7 @@ def test_a_narrow_curve_counts(place: float) -> None:
     """A bell of the friction, so narrow that no point of the rule lies on it."""
     width, top = 2e-4, 40.0
     bell = f"{top}*exp(-((s + {0.1 + place})/{width})^2)"
-    found, _ = judged(2, bell)
+    found, _ = bound_and_least(2, bell)
     least = top * width * np.sqrt(np.pi) / np.sqrt(MODULUS / 2.6) / (1.0 + found.constant)
     assert found.guaranteed, found.why
     assert found.bound >= least > 0.0
@@ -87,7 +87,7 @@ def test_a_narrow_curve_counts(place: float) -> None:
 @pytest.mark.parametrize("factor", [0.95, 1.0, 1.2])
 def test_a_spike_between_slips_that_are_seen_counts(factor: float) -> None:
     """The slip is x, and the friction one but for the spike."""
-    x = np.sort(np.unique(np.round(seen(3), 12)))
+    x = np.sort(np.unique(np.round(rule_points(3), 12)))
     widest = int(np.argmax(np.diff(x)))
     slips = np.linspace(*x[widest : widest + 2], 5)[1:4]
     mesh = hv.box((1.0, 1.0, 1.0), 1)

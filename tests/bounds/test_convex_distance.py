@@ -71,7 +71,7 @@ def test_everyday_problems_have_bounds_above_their_errors(seed: int) -> None:
     assert off * (1.0 - 1e-9) <= found.bound <= 8.0 * off
 
 
-def block(
+def wide_block(
     contact: hv.Contact, *, n: int = 6, length: float = 1.0, stiff: float = 1e3, side: float = 0.0, **more: object
 ) -> hv.ContactProblem:
     """Pressed down by a thousandth of its stiffness; held to the side where no force pushes it there."""
@@ -85,14 +85,14 @@ def block(
 @pytest.mark.parametrize("law", [Signorini(), hv.Compliance(50.0)])
 def test_a_solution_that_is_exact_has_a_bound_of_rounding(law: hv.laws.Superpotential) -> None:
     """A block that slides along its support under an even pressure has the same stress everywhere."""
-    _, found = bounded(block(hv.Contact(law)))
+    _, found = bounded(wide_block(hv.Contact(law)))
     assert found.guaranteed
     assert found.relative < 1e-6
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_displacements_that_solve_nothing_are_bounded_too(seed: int) -> None:
-    problem = block(hv.Contact(hv.Compliance(500.0), hv.Tresca(0.3)), side=2e-4)
+    problem = wide_block(hv.Contact(hv.Compliance(500.0), hv.Tresca(0.3)), side=2e-4)
     u = hv.solve(problem).displacement
     wave = np.random.default_rng(seed).normal(size=(2, 2))
     u = u + 3e-4 * np.sin(problem.mesh.points @ wave)
@@ -108,7 +108,7 @@ def test_units_do_not_matter() -> None:
         k = 0.5 * stiff / length
         gap = Formula(f"0.0005 * (x - {length})^2 / {length}")
         contact = hv.Contact(hv.Compliance(k), hv.Tresca(3e-4 * stiff), gap=gap)
-        ratios.append(bounded(block(contact, length=length, stiff=stiff, side=1e-4))[1].relative)
+        ratios.append(bounded(wide_block(contact, length=length, stiff=stiff, side=1e-4))[1].relative)
     np.testing.assert_allclose(ratios, ratios[0], rtol=1e-5)
 
 
@@ -121,12 +121,12 @@ BUMP = "0.0004 - 0.002 * exp(-((x - 0.917) / 0.02)^2)"
 @pytest.mark.parametrize("gap", [ROUND, BUMP])
 def test_gaps_that_are_formulas_are_known_between_the_points(law: hv.laws.Superpotential, gap: str) -> None:
     formula = Formula(gap)
-    problem = block(hv.Contact(law, gap=formula))
+    problem = wide_block(hv.Contact(law, gap=formula))
     solution, found = bounded(problem)
     assert found.guaranteed, found.reasons
     assert found.bound >= error(problem, solution.displacement, times=3)
     function: ScalarData = lambda x: formula(x)  # noqa: E731
-    _, seen = bounded(block(hv.Contact(law, gap=function)))
+    _, seen = bounded(wide_block(hv.Contact(law, gap=function)))
     assert not seen.guaranteed
     assert "the gap of contact 'bottom' varies" in seen.why
 
@@ -168,8 +168,8 @@ def test_what_cannot_be_moved_out_of_a_gap_has_an_estimate() -> None:
 
 def test_a_stress_in_equilibrium_pays_for_tractions_that_the_law_does_not_want() -> None:
     """An even pressure balances the load, and the gap is not even: nothing but G sees how far that is off."""
-    problem = block(hv.Contact(hv.Compliance(2e4), gap=Formula("0.0004 * (x - 1)^2")))
-    strain = hv.solve(block(hv.Contact(hv.Compliance(2e4)))).displacement
+    problem = wide_block(hv.Contact(hv.Compliance(2e4), gap=Formula("0.0004 * (x - 1)^2")))
+    strain = hv.solve(wide_block(hv.Contact(hv.Compliance(2e4)))).displacement
     found = exact_distance(problem, strain, UNKNOWN)
     assert found.guaranteed
     assert found.distance >= error(problem, strain)
@@ -177,7 +177,7 @@ def test_a_stress_in_equilibrium_pays_for_tractions_that_the_law_does_not_want()
 
 
 def test_what_brings_a_displacement_out_of_a_rigid_foundation_counts() -> None:
-    problem = block(hv.Contact(Signorini(), hv.Tresca(0.3)), side=2e-4)
+    problem = wide_block(hv.Contact(Signorini(), hv.Tresca(0.3)), side=2e-4)
     u = hv.solve(problem).displacement.copy()
     u[np.flatnonzero(problem.mesh.points[:, 1] < 1e-9)[3:6], 1] -= 5e-3
     found = exact_distance(problem, u, UNKNOWN)
@@ -187,7 +187,7 @@ def test_what_brings_a_displacement_out_of_a_rigid_foundation_counts() -> None:
     assert found.distance - found.parts.correction < error(problem, u)
 
 
-def traces_of(problem: hv.ContactProblem, u: Array) -> ContactTraces:
+def traces_at(problem: hv.ContactProblem, u: Array) -> ContactTraces:
     traces = contact_traces(body_data(problem, u))
     assert traces is not None
     return traces
@@ -196,8 +196,8 @@ def traces_of(problem: hv.ContactProblem, u: Array) -> ContactTraces:
 def test_gaps_that_are_off_are_paid_at_their_worst() -> None:
     """Of a compliance k the gap of Fenchel is ``(zeta - k r)^2 / 2 k``, here for a gap that may be off by 1e-3."""
     k, wide = 300.0, 1e-3
-    problem = block(hv.Contact(hv.Compliance(k)))
-    traces = traces_of(problem, np.full(problem.mesh.points.shape, -4e-3))
+    problem = wide_block(hv.Contact(hv.Compliance(k)))
+    traces = traces_at(problem, np.full(problem.mesh.points.shape, -4e-3))
     forces = np.zeros(traces.local.shape)
     forces[..., 0] = 2.0
     found = fenchel_gap(traces, forces, 1.0, np.full(len(traces.facets), wide))
@@ -208,16 +208,16 @@ def test_gaps_that_are_off_are_paid_at_their_worst() -> None:
 
 def test_what_is_unknown_of_a_gap_is_above_what_polynomials_miss() -> None:
     """Of a cubic on parts of length h: ``h^3 / (36 sqrt 3)`` from its best parabola by far, at least a fourth of it."""
-    problem = block(hv.Contact(hv.Compliance(300.0), gap=Formula("0.5 * x^3")))
-    traces = traces_of(problem, np.zeros(problem.mesh.points.shape))
+    problem = wide_block(hv.Contact(hv.Compliance(300.0), gap=Formula("0.5 * x^3")))
+    traces = traces_at(problem, np.zeros(problem.mesh.points.shape))
     length = 1.0 / 6.0 / 8.0
     assert (unknown_gaps(traces) >= 0.5 * length**3 / 32.0).all()
-    even = traces_of(block(hv.Contact(hv.Compliance(300.0), gap=Formula("0.5 * x^2"))), traces.data.displacement)
+    even = traces_at(wide_block(hv.Contact(hv.Compliance(300.0), gap=Formula("0.5 * x^2"))), traces.data.displacement)
     assert (unknown_gaps(even) < 1e-12).all()
 
 
 def test_what_facets_cannot_represent_of_the_multiplier_is_oscillation() -> None:
-    problem = block(hv.Contact(Signorini(), gap=Formula(ROUND)))
+    problem = wide_block(hv.Contact(Signorini(), gap=Formula(ROUND)))
     found = exact_distance(problem, hv.solve(problem).displacement, UNKNOWN)
     parts = found.parts
     assert parts.oscillation > 1e-6 * parts.misfit
@@ -249,7 +249,7 @@ def test_quadratic_elements_are_sharper() -> None:
     contact = hv.Contact(hv.Compliance(300.0), hv.Tresca(0.3))
     bounds = []
     for order in (1, 2):
-        problem = block(contact, side=2e-4, order=order)
+        problem = wide_block(contact, side=2e-4, order=order)
         solution, found = bounded(problem)
         assert found.guaranteed, found.reasons
         assert found.bound >= error(problem, solution.displacement)
@@ -258,12 +258,12 @@ def test_quadratic_elements_are_sharper() -> None:
 
 
 def test_the_words_name_the_motions_that_are_not_seen() -> None:
-    _, found = bounded(block(hv.Contact(Signorini(), hv.Tresca(1.0)), side=1e-4))
+    _, found = bounded(wide_block(hv.Contact(Signorini(), hv.Tresca(1.0)), side=1e-4))
     assert found.unseen == "translation (1, 0), translation (0, 1), rotation"
     assert any("but for rigid motions, which the energy does not see" in line for line in found.lines())
     assert any("differ at most by: translation (1, 0)" in line for line in found.lines())
     assert found.record()["unseen"] == found.unseen
-    _, alone = bounded(block(hv.Contact(Signorini())))
+    _, alone = bounded(wide_block(hv.Contact(Signorini())))
     assert any("exactly one solution: contact leaves no rigid motion" in line for line in alone.lines())
 
 
@@ -278,7 +278,7 @@ def test_the_words_name_the_motions_that_are_not_seen() -> None:
     ],
 )
 def test_laws_that_are_not_convex_have_no_bound_and_the_words_say_why(contact: hv.Contact, words: str) -> None:
-    problem = block(contact)
+    problem = wide_block(contact)
     found = exact_distance(problem, hv.solve(problem).displacement, UNKNOWN)
     assert not np.isfinite(found.distance)
     assert re.search(words, "; ".join(found.reasons)), found.reasons
@@ -286,13 +286,13 @@ def test_laws_that_are_not_convex_have_no_bound_and_the_words_say_why(contact: h
 
 def test_loads_that_contact_cannot_balance_leave_no_bound() -> None:
     """Without friction a body that is pushed along the plane is in no equilibrium."""
-    problem = block(hv.Contact(hv.Compliance(500.0)), side=2e-4)
+    problem = wide_block(hv.Contact(hv.Compliance(500.0)), side=2e-4)
     found = exact_distance(problem, np.full(problem.mesh.points.shape, -1e-3), UNKNOWN)
     assert not np.isfinite(found.distance)
     assert any("no tractions that the law allows balance the loads" in reason for reason in found.reasons)
 
 
-def graded(mesh: hv.Mesh) -> hv.Mesh:
+def graded_mesh(mesh: hv.Mesh) -> hv.Mesh:
     """Cells up to 800 times as long as wide."""
     size = mesh.points.max(axis=0)
     return hv.Mesh(size * (mesh.points / size) ** 3, mesh.cells, dict(mesh.boundaries))
@@ -309,7 +309,7 @@ def loose_bodies() -> dict[str, hv.ContactProblem]:
     return {
         "refined": hv.ContactProblem(coarse.refined(3), material, stuck),
         "quadratic": hv.ContactProblem(coarse.refined(2), material, stuck, order=2),
-        "graded": hv.ContactProblem(graded(hv.rectangle((2.0, 1.0), (28, 14))), material, stuck),
+        "graded": hv.ContactProblem(graded_mesh(hv.rectangle((2.0, 1.0), (28, 14))), material, stuck),
         "space": hv.ContactProblem(hv.box((1.0, 1.0, 1.0), 3).refined(1), material, stuck),
         "touching": hv.ContactProblem(halves.opened("joint", ("upper", "lower")), material, touching),
     }
@@ -343,7 +343,7 @@ def test_too_few_cycles_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
 def poor_by_constants() -> tuple[hv.ContactProblem, Array, TraceBounds]:
     """Held, and pressed onto springs so stiff that the contact part by constants is most of the bound."""
     contact = hv.Contact(hv.Compliance(1e5), hv.Tresca(0.3))
-    problem = block(contact, supports={"top": hv.Prescribed((1e-3, -1e-3))}, tractions={})
+    problem = wide_block(contact, supports={"top": hv.Prescribed((1e-3, -1e-3))}, tractions={})
     return problem, hv.solve(problem).displacement, TraceBounds(1e-2, 1e-2, 1e-2, 1.0, True, "for this test")
 
 

@@ -115,7 +115,7 @@ def test_manufactured_softening(pattern: str) -> None:
     assert found.distance == pytest.approx(expected / (2.0 * (1.0 - found.constant)))
 
 
-def random_problem(seed: int) -> ContactProblem:
+def random_square(seed: int) -> ContactProblem:
     rng = np.random.default_rng(seed)
     mesh = rectangle((1.0 + rng.uniform(), 1.0), 4, pattern=("cross", "left", "right")[seed % 3])
     if seed % 2:
@@ -137,7 +137,7 @@ def random_problem(seed: int) -> ContactProblem:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_bound_is_not_below_the_error_of_random_problems(seed: int) -> None:
-    problem = random_problem(seed)
+    problem = random_square(seed)
     found, u = judged(problem)
     error = error_of(problem, u, 2)
     assert error <= found.distance

@@ -8,15 +8,15 @@ import hemivar as hv
 from hemivar.bounds import exact_distance
 from hemivar.bounds.trace_bounds import guaranteed_trace_bounds
 from hemivar.laws import Tresca
-from tests.fem.test_supports_belt import FRICTION, LIMIT, PRESSURE, SHEAR, block
+from tests.fem.test_supports_belt import FRICTION, LIMIT, PRESSURE, SHEAR, cube_on_a_belt
 
 
 def test_the_guaranteed_distance_counts_the_belt() -> None:
-    problem = block((0.5 * LIMIT, 0.0), Tresca(FRICTION * PRESSURE))
+    problem = cube_on_a_belt((0.5 * LIMIT, 0.0), Tresca(FRICTION * PRESSURE))
     solution = hv.solve(problem)
     found = exact_distance(problem, solution.displacement, guaranteed_trace_bounds(hv.discretize(problem)))
     size = np.sqrt(SHEAR) * LIMIT
     assert found.distance < 1e-3 * size
-    still = block(0.0, Tresca(FRICTION * PRESSURE))
+    still = cube_on_a_belt(0.0, Tresca(FRICTION * PRESSURE))
     other = exact_distance(still, solution.displacement, guaranteed_trace_bounds(hv.discretize(still)))
     assert other.distance > 0.1 * size

@@ -52,7 +52,7 @@ def bound(problem: ContactProblem) -> ExactDistance:
     return exact_distance(problem, solution.displacement, body_constants(solution.problem, Workspace()))
 
 
-def square(
+def coupled_square(
     law: VectorLaw | Superpotential = GLUE, n: int = 4, load: tuple[float, float] = (0.15, 0.2)
 ) -> ContactProblem:
     return ContactProblem(
@@ -61,7 +61,7 @@ def square(
     )  # fmt: skip
 
 
-def cube(friction: OrthotropicFriction, n: int = 2) -> ContactProblem:
+def orthotropic_cube(friction: OrthotropicFriction, n: int = 2) -> ContactProblem:
     return ContactProblem(
         hv.box((1.0, 1.0, 1.0), n), Material.lame(LAM, MU), {"bottom": Contact(Compliance(5.0), friction)},
         {"top": Clamped()}, tractions={"right": (0.1, 0.3, -0.3)},
@@ -104,7 +104,7 @@ def test_a_strip_of_one_strain_is_in_the_space(rho: float, units: float) -> None
 # ---- the gap ------------------------------------------------------------------------------------------------------
 
 
-def bent(problem: ContactProblem, size: float = 0.6) -> Array:
+def bent_off_ground(problem: ContactProblem, size: float = 0.6) -> Array:
     """A displacement that crosses kinks within facets, and leaves the ground."""
     x = problem.mesh.nodes(problem.order)
     d = x.shape[1]
@@ -116,7 +116,7 @@ def bent(problem: ContactProblem, size: float = 0.6) -> Array:
 
 def traces_of(law: VectorLaw, order: int = 1) -> ContactTraces:
     problem = replace(survey("5.1", 3), contact={"bottom": Contact(law)}, order=order)
-    found = contact_traces(body_data(problem, bent(problem)))
+    found = contact_traces(body_data(problem, bent_off_ground(problem)))
     assert found is not None
     return found
 
@@ -205,7 +205,7 @@ def test_the_bound_is_that_of_its_parts(first: float) -> None:
     """Glue that stays intact, whose multiplier follows the trace, and glue that softens a little."""
     law = MixedMode(BilinearCohesion(STIFF * first, 0.5 * STIFF * first * (first + 40.0 * STIFF * first), STIFF), 1.0)
     for load in ((0.15, 0.2), (0.02, -0.05), (0.0, 0.4)):
-        found = bound(square(law, load=load))
+        found = bound(coupled_square(law, load=load))
         parts, left = found.parts, 1.0 - found.constant
         whole = parts.misfit + parts.oscillation + parts.algebraic + parts.contact
         assert found.constant < 0.15
@@ -216,7 +216,7 @@ def test_the_bound_is_that_of_its_parts(first: float) -> None:
 
 def test_a_multiplier_of_the_law_pays_its_gap() -> None:
     """With constants so large that a force that is off costs nothing, the gap is all that is added."""
-    problem = cube(OrthotropicFriction(0.05, ratio=2.0))
+    problem = orthotropic_cube(OrthotropicFriction(0.05, ratio=2.0))
     u = hv.solve(problem).displacement
     free = TraceBounds(np.inf, np.inf, np.inf, 1.0, True, "for this test")
     found = exact_distance(problem, u, free)
@@ -250,8 +250,8 @@ def test_c_takes_the_constant_of_each_component(ratio: float) -> None:
     law = MixedMode(
         BilinearCohesion(STIFF * FIRST, 0.5 * STIFF * FIRST * (FIRST + STIFF * FIRST / falls), STIFF), ratio
     )
-    found = bound(square(law))
-    fine = hv.discretize(square(law, 20))
+    found = bound(coupled_square(law))
+    fine = hv.discretize(coupled_square(law, 20))
     B, weights = fine.contact.trace, fine.contact.weights
     rows = (weights[:, None] * np.array([falls, ratio**2 * falls])).ravel()
     K, M = fine.stiffness.toarray(), (B.T @ (rows[:, None] * B.toarray()))
@@ -264,7 +264,7 @@ def test_c_takes_the_constant_of_each_component(ratio: float) -> None:
 def test_one_solution_is_shown_by_the_constant_for_any_two() -> None:
     """At rest the one-sided constant of a law that falls later is small; another solution there may be all the same."""
     for falls, expected in ((0.5, True), (30.0, False)):
-        problem = square(Softening(4.0, 0.5, falls), load=(0.0, -1e-3))
+        problem = coupled_square(Softening(4.0, 0.5, falls), load=(0.0, -1e-3))
         found = bound(problem)
         assert found.guaranteed == (found.constant < 1.0)
         assert found.guaranteed or not found.unique
@@ -275,7 +275,7 @@ def test_one_solution_is_shown_by_the_constant_for_any_two() -> None:
 
 
 def test_constants_within_a_reach_make_a_condition() -> None:
-    found = hv.solve(square(FORMULA)).certify(exact=True).exact
+    found = hv.solve(coupled_square(FORMULA)).certify(exact=True).exact
     assert found is not None
     assert not found.guaranteed
     assert found.conditions == found.reasons
@@ -292,7 +292,7 @@ def test_constants_within_a_reach_make_a_condition() -> None:
 
 def test_a_displacement_beyond_the_reach_has_none() -> None:
     near = replace(FORMULA, reach=0.02)
-    found = bound(square(near))
+    found = bound(coupled_square(near))
     assert not found.conditions
     assert any("may lie outside of the reach 0.02 of its law" in one for one in found.reasons)
 
@@ -300,9 +300,9 @@ def test_a_displacement_beyond_the_reach_has_none() -> None:
 def test_a_mode_that_decides_gives_an_estimate() -> None:
     """c grows by the Lipschitz constant of the tractions over that of the trace."""
     law = ModeDependentGlue(0.2, 0.21, 2.0, BenzeggaghKenane(0.5, 0.51, 2.0))
-    problem = square(law)
+    problem = coupled_square(law)
     found = bound(problem)
-    frozen = bound(square(law.at_mode(0.5)))
+    frozen = bound(coupled_square(law.at_mode(0.5)))
     constants = body_constants(hv.discretize(problem), Workspace())
     state = float(law.at(None).lipschitz[0]) / constants.both
     assert found.constant == pytest.approx(frozen.constant + state, abs=0.02)
@@ -312,7 +312,7 @@ def test_a_mode_that_decides_gives_an_estimate() -> None:
 
 def test_tractions_that_jump_with_the_mode_have_no_bound() -> None:
     law = ModeDependentGlue(0.2, 0.21, 2.0, BenzeggaghKenane(0.5, 0.51, 0.5))
-    problem = square(law, 2)
+    problem = coupled_square(law, 2)
     u = np.zeros(problem.mesh.points.shape)
     found = exact_distance(problem, u, body_constants(hv.discretize(problem), Workspace()))
     assert found.distance == np.inf
@@ -321,12 +321,14 @@ def test_tractions_that_jump_with_the_mode_have_no_bound() -> None:
 
 def test_friction_in_an_ellipse() -> None:
     """A disc is an ellipse: the bound is nearly that of the law that splits, and grows with neither axis alone."""
-    disc = bound(cube(OrthotropicFriction(0.05)))
-    split = bound(replace(cube(OrthotropicFriction(0.05)), contact={"bottom": Contact(Compliance(5.0), Tresca(0.05))}))
+    disc = bound(orthotropic_cube(OrthotropicFriction(0.05)))
+    split = bound(
+        replace(orthotropic_cube(OrthotropicFriction(0.05)), contact={"bottom": Contact(Compliance(5.0), Tresca(0.05))})
+    )
     assert disc.guaranteed
     assert disc.distance == pytest.approx(split.distance, rel=0.02)
-    turned = bound(cube(OrthotropicFriction(0.05, ratio=2.0, axis=(1.0, 0.0, 0.0))))
-    same = bound(cube(OrthotropicFriction(0.1, ratio=0.5, axis=(0.0, 1.0, 0.0))))
+    turned = bound(orthotropic_cube(OrthotropicFriction(0.05, ratio=2.0, axis=(1.0, 0.0, 0.0))))
+    same = bound(orthotropic_cube(OrthotropicFriction(0.1, ratio=0.5, axis=(0.0, 1.0, 0.0))))
     assert turned.guaranteed
     assert turned.distance == pytest.approx(same.distance, rel=1e-9)
     assert turned.distance != pytest.approx(disc.distance, rel=1e-4)
@@ -344,7 +346,7 @@ def test_friction_in_an_ellipse() -> None:
     ],
 )
 def test_why_it_is_no_bound(friction: OrthotropicFriction, words: str) -> None:
-    found = bound(cube(friction))
+    found = bound(orthotropic_cube(friction))
     assert not found.guaranteed
     assert sum(words in one for one in found.reasons) == 1
     assert len(found.reasons) == 1
@@ -352,7 +354,7 @@ def test_why_it_is_no_bound(friction: OrthotropicFriction, words: str) -> None:
 
 def test_glue_that_varies_is_an_estimate() -> None:
     varying = MixedMode(BilinearCohesion(0.2, 0.1, 2.0), ratio=lambda x: 1.0 + x[:, 0])
-    found = bound(square(varying))
+    found = bound(coupled_square(varying))
     assert np.isfinite(found.distance)
     assert any("varies along the boundary (ratio)" in one for one in found.reasons)
 
@@ -361,17 +363,17 @@ def test_glue_that_varies_is_an_estimate() -> None:
 
 
 def test_meshes_are_refined_until_a_bound_is_as_asked() -> None:
-    found = solve_adaptive(square(), rtol=0.1)
+    found = solve_adaptive(coupled_square(), rtol=0.1)
     assert found.reached
     assert len(found.levels) > 1
     assert found.distance.guaranteed
-    conditional = solve_adaptive(square(FORMULA), rtol=0.3)
+    conditional = solve_adaptive(coupled_square(FORMULA), rtol=0.3)
     assert conditional.ended is AdaptiveEnd.ESTIMATED
     assert "it is at most that if penetrations of the exact solution are within the reach 2" in conditional.remedy
 
 
 def test_quantities_of_interest_have_intervals() -> None:
-    problem = square(replace(GLUE, compression=Compliance(5.0)), 6)  # what is rigid has no bound at the support
+    problem = coupled_square(replace(GLUE, compression=Compliance(5.0)), 6)  # what is rigid has no bound at the support
     for goal in ("contact.bottom.force", "boundary.top.displacement"):
         found = solve_adaptive(problem, rtol=1e-9, goal=goal, max_unknowns=50).goal
         fine = solve_adaptive(problem, rtol=1e-9, goal=goal, max_unknowns=1000).goal
@@ -384,11 +386,11 @@ def test_quantities_of_interest_have_intervals() -> None:
 
 
 def test_a_study_has_bounds() -> None:
-    found = hv.study(square(), 2, exact=True)
+    found = hv.study(coupled_square(), 2, exact=True)
     assert np.isfinite(found.bounds).all()
     assert found.kind_of_bound == "guaranteed bound"
     assert (found.errors("energy")[:-1] <= found.bounds[:-1]).all()
-    conditional = hv.study(square(FORMULA), 1, exact=True)
+    conditional = hv.study(coupled_square(FORMULA), 1, exact=True)
     assert conditional.kind_of_bound == "conditional bound"
     assert conditional.levels[0].conditions
     assert "conditional bound: if penetrations" in repr(conditional)
@@ -398,11 +400,11 @@ def test_a_study_has_bounds() -> None:
 def test_scalar_laws_that_are_known_within_a_reach_have_conditions_too() -> None:
     """``r^2 - exp(r)`` falls ever faster; a gap at places beyond the reach is none."""
     law = FormulaLaw("r^2 - exp(r)", reach=1.0)
-    found = bound(square(law, load=(0.01, -0.05)))
+    found = bound(coupled_square(law, load=(0.01, -0.05)))
     assert found.conditions == ("penetrations of the exact solution are within the reach 1 of the law",)
     assert np.isfinite(found.distance)
-    problem = square(law, 3)
-    traces = contact_traces(body_data(problem, bent(problem)))
+    problem = coupled_square(law, 3)
+    traces = contact_traces(body_data(problem, bent_off_ground(problem)))
     assert traces is not None
     for size, weight, within in ((0.01, 1e3, True), (50.0, 0.1, False)):
         forces = np.full(traces.local.shape, size)

@@ -13,7 +13,7 @@ from hemivar.bounds import ExactDistance, exact_distance, lower_bounds
 from hemivar.bounds.trace_bounds import TraceBounds
 
 
-def stated(dim: int, turn: Array, length: float, modulus: float) -> hv.ContactProblem:
+def turned_block(dim: int, turn: Array, length: float, modulus: float) -> hv.ContactProblem:
     """A block on rollers at its left and its back, pressed onto a foundation that softens and rubs."""
     mesh = hv.rectangle((1.2, 1.0), (5, 4), pattern="cross") if dim == 2 else hv.box((1.2, 1.0, 0.9), 2)
     mesh = hv.Mesh(length * mesh.points @ turn.T, mesh.cells, dict(mesh.boundaries))
@@ -34,13 +34,13 @@ def stated(dim: int, turn: Array, length: float, modulus: float) -> hv.ContactPr
     )
 
 
-def judged(problem: hv.ContactProblem, length: float, modulus: float) -> ExactDistance:
+def bound_in_units(problem: hv.ContactProblem, length: float, modulus: float) -> ExactDistance:
     unit = modulus / length
     constants = TraceBounds(1.1 * unit, 1.3 * unit, 1.2 * unit, unit / length, True, "for this test")
     return exact_distance(problem, hv.solve(problem).displacement, constants)
 
 
-def turned(dim: int) -> Array:
+def rotation_of(dim: int) -> Array:
     q = np.linalg.qr(np.random.default_rng(dim).normal(size=(dim, dim)))[0]
     q[:, 0] *= np.linalg.det(q)
     return q
@@ -48,11 +48,15 @@ def turned(dim: int) -> Array:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_distance(dim: int) -> None:
-    plain = judged(stated(dim, np.eye(dim), 1.0, 1.0), 1.0, 1.0)
+    plain = bound_in_units(turned_block(dim, np.eye(dim), 1.0, 1.0), 1.0, 1.0)
     assert plain.guaranteed, plain.reasons
     assert 0.1 < plain.constant < 0.9
-    for turn, length, modulus in ((turned(dim), 1.0, 1.0), (np.eye(dim), 1e3, 2e-5), (turned(dim), 1e-3, 2e11)):
-        found = judged(stated(dim, turn, length, modulus), length, modulus)
+    for turn, length, modulus in (
+        (rotation_of(dim), 1.0, 1.0),
+        (np.eye(dim), 1e3, 2e-5),
+        (rotation_of(dim), 1e-3, 2e11),
+    ):
+        found = bound_in_units(turned_block(dim, turn, length, modulus), length, modulus)
         assert found.guaranteed
         assert found.constant == pytest.approx(plain.constant, rel=1e-6)
         # in space tangents are chosen by the axes: rules and sweeps see another basis of the same plane
@@ -67,15 +71,15 @@ def test_units_may_be_beyond_single_precision() -> None:
     """Sweeps over patches of few kinds have tables of their own, which hold seven digits."""
     relative = []
     for length, modulus in ((1.0, 1.0), (1.0, 1e45), (1e-20, 1.0), (1e20, 1e-45)):
-        problem = stated(3, np.eye(3), length, modulus)
+        problem = turned_block(3, np.eye(3), length, modulus)
         problem = replace(problem, mesh=hv.box((1.2 * length, length, 0.9 * length), 4))
-        relative.append(judged(problem, length, modulus).relative)
+        relative.append(bound_in_units(problem, length, modulus).relative)
     assert relative[1:] == pytest.approx([relative[0]] * 3, rel=1e-10)
 
 
 @pytest.mark.slow
 def test_constants_of_the_body_in_space() -> None:
-    plain = lower_bounds(stated(3, np.eye(3), 1.0, 1.0), 300)
-    other = lower_bounds(stated(3, turned(3), 1e-3, 2e11), 300)
+    plain = lower_bounds(turned_block(3, np.eye(3), 1.0, 1.0), 300)
+    other = lower_bounds(turned_block(3, rotation_of(3), 1e-3, 2e11), 300)
     for part in ("both", "normal", "tangential"):
         assert getattr(other, part).lower * 1e-3 / 2e11 == pytest.approx(getattr(plain, part).lower, rel=1e-5)

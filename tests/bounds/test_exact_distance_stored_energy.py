@@ -47,14 +47,14 @@ HENCKY = Material.hencky(BULK, SHEAR, SOFTENED, STRAIN)
 LINEAR = Material.lame(BULK - 2.0 * SHEAR / 3.0, SHEAR)
 
 
-def judged(problem: ContactProblem) -> tuple[ExactDistance, Array]:
+def bound_of_converged(problem: ContactProblem) -> tuple[ExactDistance, Array]:
     solution = solve(problem)
     assert solution.status is Status.CONVERGED
     constants = body_constants(solution.problem, Workspace())
     return exact_distance(problem, solution.displacement, constants), solution.displacement
 
 
-def error_of(problem: ContactProblem, u: Array, below: Material, times: int = 2) -> float:
+def error_in_norm(problem: ContactProblem, u: Array, below: Material, times: int = 2) -> float:
     """Distance to the solution on a refined mesh (nested), in the energy norm of a linear material."""
     mesh = problem.mesh
     for _ in range(times):
@@ -76,7 +76,7 @@ def below(bulk: float, shear: float, softened: float, plane: str = "strain") -> 
 def test_a_linear_material_written_as_a_potential_has_the_same_bound(plane: str) -> None:
     linear = replace(survey("5.1", 8), material=linear_in(plane))
     potential = replace(linear, material=Material.hencky(BULK, SHEAR, 1.0, STRAIN, plane))
-    one, other = judged(linear)[0], judged(potential)[0]
+    one, other = bound_of_converged(linear)[0], bound_of_converged(potential)[0]
     assert other.distance == pytest.approx(one.distance, rel=1e-9)
     assert other.relative == pytest.approx(one.relative, rel=1e-9)
     assert other.cells == pytest.approx(one.cells, rel=1e-7)
@@ -97,7 +97,10 @@ def test_so_has_one_in_space_with_loads_that_vary_and_laws_that_soften(softening
         supports={"left": Clamped()},
         body_force=lambda x: np.column_stack([0.1 * x[:, 0], -0.2 * x[:, 1], -0.3 + 0.2 * x[:, 2] ** 2]),
     )
-    one, other = judged(linear)[0], judged(replace(linear, material=Material.hencky(BULK, SHEAR, 1.0, STRAIN)))[0]
+    one, other = (
+        bound_of_converged(linear)[0],
+        bound_of_converged(replace(linear, material=Material.hencky(BULK, SHEAR, 1.0, STRAIN)))[0],
+    )
     assert one.constant > 0.0 or not softening
     assert other.constant == pytest.approx(one.constant, rel=1e-9)
     assert other.distance == pytest.approx(one.distance, rel=1e-9)
@@ -175,7 +178,7 @@ def test_a_column_has_a_closed_form(column: Column, highest: float) -> None:
     errors = []
     for n in (4, 8, 16):
         problem = column.problem(n)
-        found, u = judged(problem)
+        found, u = bound_of_converged(problem)
         error = column.error(problem, u)
         assert found.guaranteed
         assert 1.0 < found.distance / error < highest
@@ -237,7 +240,7 @@ def test_manufactured_solutions(dim: int, sizes: tuple[int, ...], plane: str) ->
             supports={name: Clamped() for name in names},
             body_force=lambda x: balancing(x, material),
         )
-        distance, u = judged(problem)
+        distance, u = bound_of_converged(problem)
         barycentric, weights = quadrature_rule(dim, 6)
         places = np.einsum("qa,mad->mqd", barycentric, mesh.points[mesh.cells])
         gradient = np.einsum("mai,maj->mij", u[mesh.cells], barycentric_gradients(mesh))
@@ -257,7 +260,7 @@ def test_manufactured_solutions(dim: int, sizes: tuple[int, ...], plane: str) ->
 # ---- random statements ----------------------------------------------------------------------------------------------
 
 
-def random_problem(seed: int) -> tuple[ContactProblem, Material]:
+def random_hencky(seed: int) -> tuple[ContactProblem, Material]:
     """A body of Hencky's material on a foundation that rises, softens, ends or jumps in its slope."""
     rng = np.random.default_rng(seed)
     plane = str(rng.choice(["strain", "stress"]))
@@ -289,23 +292,23 @@ def random_problem(seed: int) -> tuple[ContactProblem, Material]:
     return problem, below(*constants, plane)
 
 
-def check(seed: int) -> float:
+def bound_over_error(seed: int) -> float:
     """The bound over the error; inf where there is no bound."""
-    problem, metric = random_problem(seed)
-    found, u = judged(problem)
-    ratio = found.distance / error_of(problem, u, metric)
+    problem, metric = random_hencky(seed)
+    found, u = bound_of_converged(problem)
+    ratio = found.distance / error_in_norm(problem, u, metric)
     assert ratio >= 1.0, seed
     return ratio
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_bound_is_below_the_error(seed: int) -> None:
-    assert check(seed) < 6.0
+    assert bound_over_error(seed) < 6.0
 
 
 @pytest.mark.slow
 def test_none_of_two_hundred_is() -> None:
-    ratios = np.array([check(seed) for seed in range(1000, 1200)])
+    ratios = np.array([bound_over_error(seed) for seed in range(1000, 1200)])
     assert np.isfinite(ratios).mean() > 0.8
     assert np.median(ratios) < 2.0
 
@@ -355,7 +358,7 @@ def test_what_the_curvature_saves_is_that_within_the_reach() -> None:
     """With a reach just above the strains there are no others to look at: the bound is that of the lower tensor."""
     text = "3*tr^2 + 2*dev2 + 40*dev2^2"
     wide = replace(survey("figure1", 4), material=Material.potential(text, reach=2.0))
-    found, u = judged(wide)
+    found, u = bound_of_converged(wide)
     largest = largest_strain(discretize(wide), discretize(wide).field.restrict(u))  # type: ignore[union-attr]
     near = replace(wide, material=Material.potential(text, reach=1.0001 * largest))
     narrow = exact_distance(near, u, body_constants(discretize(near), Workspace()))
@@ -365,7 +368,7 @@ def test_what_the_curvature_saves_is_that_within_the_reach() -> None:
 
 def test_strains_beyond_the_reach_have_no_condition() -> None:
     problem = replace(survey("figure1", 4), material=Material.potential("3*tr^2 + 2*dev2 + dev2^2", reach=1e-3))
-    found = judged(problem)[0]
+    found = bound_of_converged(problem)[0]
     assert not found.conditions
     assert any("may lie outside of the reach 0.001 of the material" in one for one in found.reasons)
 
@@ -381,9 +384,9 @@ def test_strains_beyond_the_reach_have_no_condition() -> None:
 def test_other_materials_have_bounds_too(material: Material) -> None:
     """That stiffen, that yield: above the error, and less than four times it."""
     problem = replace(survey("figure1", 6), material=material)
-    found, u = judged(problem)
+    found, u = bound_of_converged(problem)
     assert found.guaranteed
-    assert 1.0 < found.distance / error_of(problem, u, lower_elasticity(material)) < 4.0
+    assert 1.0 < found.distance / error_in_norm(problem, u, lower_elasticity(material)) < 4.0
 
 
 def test_a_certificate_bounds_it() -> None:
@@ -401,7 +404,7 @@ def test_an_adaptive_solve_reaches_what_was_asked_for() -> None:
     assert (np.diff(bounds) < 0.0).all()
     assert found.rate == pytest.approx(0.5, abs=0.12)
     last = found.levels[-1]
-    error = error_of(last.problem.origin, last.solution.displacement, below(BULK, SHEAR, SOFTENED), 1)  # type: ignore[arg-type]
+    error = error_in_norm(last.problem.origin, last.solution.displacement, below(BULK, SHEAR, SOFTENED), 1)  # type: ignore[arg-type]
     assert 1.0 < last.distance.distance / error < 3.0
 
 

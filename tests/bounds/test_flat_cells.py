@@ -28,7 +28,7 @@ def layer(height: float, order: int = 1, unit: float = 1.0) -> hv.ContactProblem
     )  # fmt: skip
 
 
-def bounded(problem: hv.ContactProblem, change: float = 0.0) -> tuple[Array, ExactDistance]:
+def bounded_wave(problem: hv.ContactProblem, change: float = 0.0) -> tuple[Array, ExactDistance]:
     """The displacement, moved away by some of a wave, and its bound."""
     solution = hv.solve(problem)
     field = solution.problem.field
@@ -38,7 +38,7 @@ def bounded(problem: hv.ContactProblem, change: float = 0.0) -> tuple[Array, Exa
     return u, exact_distance(problem, u, guaranteed_trace_bounds(solution.problem))
 
 
-def error_of(problem: hv.ContactProblem, u: Array) -> float:
+def error_on_slender(problem: hv.ContactProblem, u: Array) -> float:
     """Against quadratic elements on a mesh with cells as long as high at both ends, in which that of u is nested."""
     mesh = problem.mesh
     at, height = np.linspace(0.0, 1.0, 9), problem.mesh.points[:, 1].max()
@@ -60,8 +60,8 @@ def error_of(problem: hv.ContactProblem, u: Array) -> float:
 )
 def test_a_thin_layer_has_a_bound_of_the_size_of_the_error(height: float, order: int) -> None:
     problem = layer(height, order)
-    u, found = bounded(problem)
-    error = error_of(problem, u)
+    u, found = bounded_wave(problem)
+    error = error_on_slender(problem, u)
     assert found.guaranteed
     assert error <= found.distance <= 20.0 * error
     assert "cells are flat" not in "".join(statement_of(found).lines())
@@ -69,22 +69,22 @@ def test_a_thin_layer_has_a_bound_of_the_size_of_the_error(height: float, order:
 
 def test_how_far_the_other_displacement_is_counts() -> None:
     problem = layer(1 / 100)
-    u, found = bounded(problem, 0.3)
-    error = error_of(problem, u)
+    u, found = bounded_wave(problem, 0.3)
+    error = error_on_slender(problem, u)
     assert error <= found.distance <= 5.0 * error
     assert found.parts.correction > 0.5 * error
 
 
 def test_what_belongs_to_cells_is_that_of_the_mesh() -> None:
     problem = layer(1 / 100)
-    _, found = bounded(problem)
+    _, found = bounded_wave(problem)
     assert len(found.cells) == problem.mesh.number_of_cells
     assert found.stress.data.table.mesh is problem.mesh
     assert len(found.facets) == 8
 
 
 def test_units_do_not_matter() -> None:
-    (_, one), (_, other) = bounded(layer(1 / 100)), bounded(layer(1 / 100, unit=1024.0))
+    (_, one), (_, other) = bounded_wave(layer(1 / 100)), bounded_wave(layer(1 / 100, unit=1024.0))
     assert other.relative == pytest.approx(one.relative, rel=1e-6)
 
 
@@ -130,7 +130,7 @@ def test_what_becomes_of_better_cells_does_not_cost_the_bound_in_hand(
     where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = layer(1 / 100)
-    u, _ = bounded(problem)
+    u, _ = bounded_wave(problem)
     constants = guaranteed_trace_bounds(hv.discretize(problem))
 
     def refused(*_: object, **__: object) -> None:

@@ -26,7 +26,7 @@ from tests import bodies
 NAMES = ("contact.bottom.force", "support.left.force", "boundary.right.displacement", "boundary.bottom.displacement")
 
 
-def square(n: int = 4, **changes: object) -> hv.ContactProblem:
+def threshold_square(n: int = 4, **changes: object) -> hv.ContactProblem:
     given: dict[str, Any] = {
         "mesh": rectangle((1.0, 1.0), n, pattern="cross"),
         "contact": hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.5)),
@@ -105,7 +105,7 @@ def check_intervals(laws: list[hv.Contact], names: tuple[str, ...], times: int, 
     loads = np.random.default_rng(seed)
     right = 0
     for law in laws:
-        problem = square(contact={"bottom": law}, body_force=tuple(loads.uniform(-1.0, 0.5, 2)))
+        problem = threshold_square(contact={"bottom": law}, body_force=tuple(loads.uniform(-1.0, 0.5, 2)))
         fine = overkill(problem, names, times)
         for name, found in zip(names, valued(problem, *names), strict=True):
             assert found.guaranteed, found.reasons
@@ -127,15 +127,15 @@ def test_intervals_hold_values_of_a_much_finer_mesh() -> None:
 
 def test_second_order() -> None:
     """The corrected value is off by its spread at most, which falls like h^2; the interval like h."""
-    fine = overkill(square(), NAMES, 4)
+    fine = overkill(threshold_square(), NAMES, 4)
     name = "boundary.right.displacement"
-    coarse, finer = (valued(square(n), name)[0] for n in (4, 12))
+    coarse, finer = (valued(threshold_square(n), name)[0] for n in (4, 12))
     for found in (coarse, finer):
         assert (np.abs(found.corrected - fine[name]) <= found.spread).all()
     assert (finer.spread < coarse.spread / 5.0).all()  # 9 without the corners of the body
     assert (finer.upper - finer.lower > (coarse.upper - coarse.lower) / 3.5).all()
     # nearer than the mesh itself by far, where the singular end plays no part
-    (force,) = valued(square(8), "contact.bottom.force")
+    (force,) = valued(threshold_square(8), "contact.bottom.force")
     off, own = (np.abs(value - fine["contact.bottom.force"]) for value in (force.corrected, force.computed))
     assert off[0] < own[0] / 3.0
     assert off[1] < own[1] / 30.0
@@ -170,7 +170,7 @@ def test_a_patch_is_exact() -> None:
 
 def test_without_contact_the_estimate_is_the_hypercircle() -> None:
     """A linear problem: the second-order interval holds the value of a fine mesh, too."""
-    problem = square(contact={}, body_force=(0.0, -0.1))
+    problem = threshold_square(contact={}, body_force=(0.0, -0.1))
     fine = hv.solve(replace(problem, mesh=problem.mesh.refined(5)))
     facets = fine.problem.field.mesh.boundaries["right"]  # type: ignore[union-attr]
     mean = fine.displacement[facets].mean(axis=(0, 1))
@@ -183,7 +183,7 @@ def test_without_contact_the_estimate_is_the_hypercircle() -> None:
 
 
 def test_where_nothing_bounds_a_force() -> None:
-    rigid = square(contact={"bottom": hv.Contact(hv.Signorini())})
+    rigid = threshold_square(contact={"bottom": hv.Contact(hv.Signorini())})
     (found,) = valued(rigid, "contact.bottom.force")
     assert not found.guaranteed
     assert found.upper[1] == np.inf
@@ -192,13 +192,13 @@ def test_where_nothing_bounds_a_force() -> None:
     assert np.isfinite(found.corrected).all()
     assert found.record()["upper"][1] is None  # type: ignore[index]
 
-    two = square(supports={"left": hv.Clamped(), "top": hv.Clamped()})
+    two = threshold_square(supports={"left": hv.Clamped(), "top": hv.Clamped()})
     (found,) = valued(two, "support.left.force", constants=as_if_proved(two))
     assert not found.guaranteed
     assert any("meets another one" in reason for reason in found.reasons)
     assert np.isinf(found.upper).all()
 
-    held = square(supports={"left": hv.Clamped(), "bottom": hv.Fixed(x=0.0)})
+    held = threshold_square(supports={"left": hv.Clamped(), "bottom": hv.Fixed(x=0.0)})
     across, along = valued(held, "contact.bottom.force.y", "contact.bottom.force.x", constants=as_if_proved(held))
     assert across.guaranteed
     assert any("where force of both is one" in reason for reason in along.reasons)
@@ -209,14 +209,14 @@ def test_an_estimated_distance_gives_an_estimated_interval() -> None:
     contact = hv.Contact(
         hv.laws.ThresholdCompliance(0.3, 2.0), hv.Tresca(0.5), gap=lambda x: 0.01 * np.sin(9.0 * x[:, 0])
     )
-    (found,) = valued(square(contact={"bottom": contact}), "contact.bottom.force.y")
+    (found,) = valued(threshold_square(contact={"bottom": contact}), "contact.bottom.force.y")
     assert not found.guaranteed
     assert any("gap of contact 'bottom' varies" in reason for reason in found.reasons)
     assert "not a bound" in found.lines()[0]
 
 
 def test_fields_of_least_energy_have_the_trace_that_is_asked_for() -> None:
-    problem = square()
+    problem = threshold_square()
     solution = hv.solve(problem)
     data = exact_distance(problem, solution.displacement, constants_of(problem)).stress.data
     (part,) = functionals(goal_named(problem, "contact.bottom.force.x"), data, solution.problem)
@@ -229,8 +229,8 @@ def test_fields_of_least_energy_have_the_trace_that_is_asked_for() -> None:
 
 def test_what_the_field_misses_at_the_clamped_end_is_bounded_by_the_law() -> None:
     """Without distance an interval is as long as friction of 0.5 on the last facet, where w falls from 1 to 0."""
-    problem = square()
-    solution, known = hv.solve(problem), as_if_proved(square())
+    problem = threshold_square()
+    solution, known = hv.solve(problem), as_if_proved(threshold_square())
     distance = replace(exact_distance(problem, solution.displacement, known), distance=0.0)
     along = goal_value(goal_named(problem, "contact.bottom.force.x"), solution, distance, known)
     assert along.upper[0] - along.lower[0] == pytest.approx(2.0 * 0.5 * 0.25 / 2.0)
@@ -244,7 +244,7 @@ def test_what_grows_with_the_same_part_of_the_error_adds_up() -> None:
     """Normal force and a friction bound both grow with the penetration: on a side at 45 degrees both count in full."""
     stiffness, rate = 3.0, 0.7
     friction = hv.Tresca(hv.laws.PenetrationBound(f"min({rate}*s, 0.2)", rate))
-    problem = square(
+    problem = threshold_square(
         mesh=rectangle((1.0, 1.0), 4, pattern="cross").rotated(np.pi / 4.0),
         contact={"bottom": hv.Contact(hv.Compliance(stiffness), friction)},
     )
@@ -267,9 +267,9 @@ def test_what_grows_with_the_same_part_of_the_error_adds_up() -> None:
 
 def test_units_do_not_matter() -> None:
     """Lengths in mm, stresses in MPa instead of m and Pa: forces per depth change as they must."""
-    (small,) = valued(square(), "contact.bottom.force", constants=as_if_proved(square()))
+    (small,) = valued(threshold_square(), "contact.bottom.force", constants=as_if_proved(threshold_square()))
     law = hv.Contact(hv.laws.ThresholdCompliance(0.3e-6, 2.0e-9), hv.Tresca(0.5e-6))
-    problem = square(
+    problem = threshold_square(
         mesh=rectangle((1e3, 1e3), 4, pattern="cross"), material=hv.Material.lame(4e-6, 4e-6),
         contact={"bottom": law}, body_force=(-0.8e-9, -0.8e-9),
     )  # fmt: skip
@@ -301,13 +301,15 @@ def test_names() -> None:
 def test_a_goal_decides_where_the_mesh_is_fine() -> None:
     """For the mean displacement of the right side few cells are spent where the energy needs them; the estimate is met
     with fewer unknowns than by bounding the whole solution."""
-    found = hv.bounds.solve_adaptive(square(), goal="boundary.right.displacement", rtol=0.03, max_unknowns=2000)
+    found = hv.bounds.solve_adaptive(
+        threshold_square(), goal="boundary.right.displacement", rtol=0.03, max_unknowns=2000
+    )
     assert found.ended == "estimated"
     assert not found.reached
     assert found.goal is not None
     assert found.goal.relative > 0.03
     assert f"within {rounded_up(100.0 * found.goal.relative, 2)} % of the value; within 3 % takes" in found.remedy
-    fine = overkill(square(), ("boundary.right.displacement",), 4)["boundary.right.displacement"]
+    fine = overkill(threshold_square(), ("boundary.right.displacement",), 4)["boundary.right.displacement"]
     assert np.linalg.norm(found.goal.corrected - fine) < 0.03 * np.linalg.norm(fine)
     assert (found.goal.lower <= fine).all()
     assert (fine <= found.goal.upper).all()
@@ -319,7 +321,7 @@ def test_a_goal_decides_where_the_mesh_is_fine() -> None:
 def test_a_goal_ends_with_the_guaranteed_interval() -> None:
     """The estimate is as asked meshes before; where a limit lies between, the end says how wide the interval is."""
     options = {"goal": "contact.bottom.force", "rtol": 0.2}
-    found = hv.bounds.solve_adaptive(square(), **options)
+    found = hv.bounds.solve_adaptive(threshold_square(), **options)
     assert found.ended == "reached"
     assert found.goal is not None
     assert found.goal.guaranteed
@@ -330,7 +332,7 @@ def test_a_goal_ends_with_the_guaranteed_interval() -> None:
     last = found.levels[-1].unknowns
     assert 0.3 * last < early.needed(0.2) < 3.0 * last
     for limit in ({"max_unknowns": 120}, {"max_memory": early.unknowns * 2e4}, {"max_time": early.seconds * 1e-3}):
-        stopped = hv.bounds.solve_adaptive(square(), **options, **limit)
+        stopped = hv.bounds.solve_adaptive(threshold_square(), **options, **limit)
         assert not stopped.reached
         assert stopped.goal is not None
         assert (stopped.ended == "estimated") == (stopped.goal.estimated <= 0.2)
@@ -339,14 +341,14 @@ def test_a_goal_ends_with_the_guaranteed_interval() -> None:
 
 @pytest.mark.slow
 def test_a_goal_converges_at_twice_the_rate() -> None:
-    found = hv.bounds.solve_adaptive(square(), goal="contact.bottom.force", rtol=1e-6, max_unknowns=4000)
+    found = hv.bounds.solve_adaptive(threshold_square(), goal="contact.bottom.force", rtol=1e-6, max_unknowns=4000)
     assert found.ended == "max_unknowns"
     assert 0.85 < found.rate < 1.2
 
 
 def test_an_interval_of_a_mean_displacement_counts_what_its_dual_solution_misses() -> None:
     """Half of it is ``B |z|_a``, at least that of the solution z of the unit traction on a mesh eight times finer."""
-    problem = square(2, contact={"bottom": hv.Contact(hv.Compliance(10.0))})
+    problem = threshold_square(2, contact={"bottom": hv.Contact(hv.Compliance(10.0))})
     constants = as_if_proved(problem)
     solution = hv.solve(problem).raise_for_status()
     distance = exact_distance(problem, solution.displacement, constants)

@@ -16,7 +16,7 @@ from hemivar.bounds.goals import known_goals
 from hemivar.bounds.trace_bounds import body_constants
 from hemivar.errors import ProblemError
 from hemivar.systems.workspace import Workspace
-from tests.bounds.test_joined_bodies import contact, opened, random_problem, two
+from tests.bounds.test_joined_bodies import contact, opened, random_joint, two
 from tests.samples import sampled
 
 
@@ -27,7 +27,7 @@ def goals(problem: hv.ContactProblem, names: list[str]) -> list[GoalValue]:
     return [goal_value(goal_named(problem, name), solution, distance, known) for name in names]
 
 
-def seen(solution: hv.Solution, name: str) -> Array:
+def value_of_goal(solution: hv.Solution, name: str) -> Array:
     """The value of a goal in a solution."""
     kind, rest = name.split(".", 1)
     boundary = rest.rpartition(".")[0]
@@ -40,7 +40,7 @@ def seen(solution: hv.Solution, name: str) -> Array:
     return np.asarray((solution.contact_forces if kind == "contact" else solution.reactions)[boundary])
 
 
-def bounded(problem: hv.ContactProblem) -> list[str]:
+def goals_with_bounds(problem: hv.ContactProblem) -> list[str]:
     """All but mean displacements of the sides along which bodies touch."""
     return [name for name in known_goals(problem) if not name.startswith("boundary.joint")]
 
@@ -48,11 +48,11 @@ def bounded(problem: hv.ContactProblem) -> list[str]:
 @pytest.mark.parametrize("seed", sampled(range(24), 6))
 def test_intervals_hold_what_fine_meshes_say(seed: int) -> None:
     """Distorted meshes, moduli up to 1 to 1000, laws that soften, contact points on either side."""
-    problem = replace(random_problem(seed), order=1)
+    problem = replace(random_joint(seed), order=1)
     finer = hv.solve(replace(problem, mesh=problem.mesh.refined(3))).raise_for_status()
-    names = bounded(problem)
+    names = goals_with_bounds(problem)
     for name, found in zip(names, goals(problem, names), strict=True):
-        value, rounding = seen(finer, name), 1e-12
+        value, rounding = value_of_goal(finer, name), 1e-12
         assert found.guaranteed, found.reasons
         assert (found.lower - rounding <= value).all(), name
         assert (value <= found.upper + rounding).all(), name
@@ -75,7 +75,7 @@ def test_estimates_are_as_near_as_they_say() -> None:
     first, second = (goals(stack(n), names) for n in (2, 4))
     finer = hv.solve(stack(16)).raise_for_status()
     for name, coarse, fine in zip(names, first, second, strict=True):
-        assert (np.abs(fine.corrected - seen(finer, name)) <= fine.spread).all(), name
+        assert (np.abs(fine.corrected - value_of_goal(finer, name)) <= fine.spread).all(), name
         assert np.linalg.norm(fine.spread) < 0.55 * np.linalg.norm(coarse.spread), name
         assert np.linalg.norm(fine.spread) < 0.15 * np.linalg.norm(fine.upper - fine.lower), name
 
@@ -83,10 +83,10 @@ def test_estimates_are_as_near_as_they_say() -> None:
 def test_chains_of_bodies_and_both_sides_of_a_joint() -> None:
     problem = stack(1, tall=True)
     finer = hv.solve(replace(problem, mesh=problem.mesh.refined(3))).raise_for_status()
-    names = bounded(problem)
+    names = goals_with_bounds(problem)
     assert {f"contact.joint{k}:part{k + one}.force" for k in (0, 1) for one in (0, 1)} <= set(names)
     for name, found in zip(names, goals(problem, names), strict=True):
-        value = seen(finer, name)
+        value = value_of_goal(finer, name)
         assert (found.lower <= value + 1e-12).all(), name
         assert (value - 1e-12 <= found.upper).all(), name
         if name.startswith("contact"):

@@ -66,7 +66,7 @@ def test_a_polygon_is_told_from_a_curve() -> None:
     assert unmet_hypotheses(on_mesh(hv.Mesh(points, box.cells, dict(box.boundaries)))) == []
 
 
-def disc(sides: int) -> hv.Mesh:
+def polygon(sides: int) -> hv.Mesh:
     """A regular polygon of triangles around its centre."""
     turn = 2.0 * np.pi * np.arange(sides) / sides
     points = np.vstack([[[0.0, 0.0]], np.column_stack([np.cos(turn), np.sin(turn)])])
@@ -78,7 +78,7 @@ def disc(sides: int) -> hv.Mesh:
 @pytest.mark.parametrize("sides", [5, 11, 12, 40])
 def test_what_the_body_is_taken_for_is_said(sides: int) -> None:
     """Up to 11 sides of a regular polygon are corners, from 12 on a curve is suspected: said in either case."""
-    problem = on_mesh(disc(sides).refined())
+    problem = on_mesh(polygon(sides).refined())
     found = hv.solve(problem).certify(exact=True).exact
     assert found is not None
     assert found.guaranteed == (sides < 12)
@@ -114,7 +114,7 @@ def test_a_curve_in_space_or_without_a_name() -> None:
 
 @pytest.mark.parametrize("names", [1, 2, 6, 12])
 def test_a_circle_is_a_curve_whatever_its_parts_are_called(names: int) -> None:
-    mesh = disc(12)
+    mesh = polygon(12)
     parts = np.array_split(mesh.boundary_facets, names)
     mesh = mesh.with_boundaries({f"p{i}": part for i, part in enumerate(parts)})
     for circle in (mesh, mesh.refined()):

@@ -57,7 +57,7 @@ def pair(friction: hv.laws.Friction, *, held: bool = True) -> hv.ContactProblem:
     return two(mesh, (1.0, 3.0), contact(0, hv.Compliance(10.0), friction), supports=supports, **loads)
 
 
-def hencky(**more: Any) -> hv.ContactProblem:
+def hencky_body(**more: Any) -> hv.ContactProblem:
     return block(material=hv.Material.hencky(bulk=800.0, shear=400.0, softened=0.25, strain=0.05), **more)
 
 
@@ -86,8 +86,8 @@ ROWS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "gap by a Python function": (lambda: block(replace(RUBS, gap=lambda x: 1e-4 * (x[:, 0] - 1.0) ** 2)), ""),
     "sphere or cylinder as obstacle": (
         lambda: block(replace(RUBS, obstacle=hv.mechanics.Sphere((1.0, -5.0), 5.0))), ""),
-    "nonlinear material, linear elements": (hencky, "nonlinear"),
-    "nonlinear material, quadratic elements": (lambda: hencky(order=2), ""),
+    "nonlinear material, linear elements": (hencky_body, "nonlinear"),
+    "nonlinear material, quadratic elements": (lambda: hencky_body(order=2), ""),
     "body of revolution": (lambda: block(material=hv.Material.young(1e3, 0.3, plane="axisymmetric")), ""),
     "bedding": (of("bedded"), "bedded"),
     "one component: membrane, antiplane shear": (of("antiplane"), "antiplane"),
@@ -96,7 +96,7 @@ ROWS: Mapping[str, tuple[Callable[[], Any], str]] = {
 }  # fmt: skip
 
 
-def rows() -> dict[str, list[str]]:
+def rows_of_page() -> dict[str, list[str]]:
     """The table of the page: what stands in the columns behind each first one."""
     text = DOCS.read_text(encoding="utf-8").split("## What is covered")[1].split("\n## ")[0]
     lines = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")][2:]
@@ -138,12 +138,12 @@ def goal(stated: Any, solution: hv.Solution) -> str:
 
 
 def test_the_page_has_these_rows() -> None:
-    assert list(rows()) == list(ROWS)
+    assert list(rows_of_page()) == list(ROWS)
 
 
 @pytest.mark.parametrize("name", list(ROWS))
 def test_the_page_says_what_the_library_answers(name: str) -> None:
-    assert rows()[name] == claims(name)
+    assert rows_of_page()[name] == claims(name)
 
 
 @pytest.mark.parametrize("name", [name for name, (_, body) in ROWS.items() if body])
@@ -152,4 +152,4 @@ def test_the_page_agrees_with_what_is_refused(name: str) -> None:
     stated, body = ROWS[name][0](), ROWS[name][1]
     one = isinstance(stated, ContactProblem) and stated.kind == "antiplane"
     levels = {"task": "exact", "body": body, "normal": "none" if one else "compliance", "friction": "tresca"}
-    assert (rows()[name][3] == "no") == bool(matching({**levels, "beside": "none"}))
+    assert (rows_of_page()[name][3] == "no") == bool(matching({**levels, "beside": "none"}))

@@ -30,12 +30,12 @@ def bound(problem: Any = PROBLEM, u: Any = U, constants: Any = PROVED, **options
     return exact_distance(problem, u, constants, **options)
 
 
-def changed(**changes: Any) -> ContactProblem:
+def problem_with(**changes: Any) -> ContactProblem:
     return replace(PROBLEM, **changes)
 
 
 def foundation(*laws: Any, **options: Any) -> ContactProblem:
-    return changed(contact={"bottom": hv.Contact(*laws, **options)})
+    return problem_with(contact={"bottom": hv.Contact(*laws, **options)})
 
 
 def with_entry(value: float) -> Array:
@@ -74,7 +74,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         r"differs from the prescribed one by 0.01 at node 0, x = \(0, 0\); give that of a sol",
     ),
     "prescribed values missed": (
-        lambda: bound(changed(supports={"left": hv.Prescribed((0.1, 0.0))})),
+        lambda: bound(problem_with(supports={"left": hv.Prescribed((0.1, 0.0))})),
         "differs from the prescribed one by 0.1",
     ),
     "constants of another kind": (lambda: bound(constants=2.5), "constants is 2.5; give those of guaranteed_trace_bou"),
@@ -86,9 +86,9 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "one sweep, no tuple": (lambda: bound(sweeps=PatchKind.VERTEX), r"sweeps is .*; give a tuple such as"),
     # statements
     "quadratic elements in space": (block_of_order_2, "order = 1"),
-    "a bedding": (lambda: bound(changed(bedding=1.0)), "bodies without bedding; leave the bedding out"),
+    "a bedding": (lambda: bound(problem_with(bedding=1.0)), "bodies without bedding; leave the bedding out"),
     "a load that depends on time": (
-        lambda: bound(changed(body_force=lambda x, t: t * x)),
+        lambda: bound(problem_with(body_force=lambda x, t: t * x)),
         r"a load of the problem depends on time; .*at_time\(0.0\)",
     ),
     "a law that depends on time": (
@@ -100,15 +100,15 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "contact 'bottom' has damping",
     ),
     "a load that is not finite": (
-        lambda: bound(changed(body_force=times_nan)),
+        lambda: bound(problem_with(body_force=times_nan)),
         r"body_force: the callable returned \[nan nan\] at x = ",
     ),
     "a traction that is not finite": (
-        lambda: bound(changed(tractions={"top": times_nan})),
+        lambda: bound(problem_with(tractions={"top": times_nan})),
         r"tractions\['top'\]: the callable returned \[nan nan\] at x",
     ),
     "a load of another shape": (
-        lambda: bound(changed(body_force=lambda x: x[:, 0])),
+        lambda: bound(problem_with(body_force=lambda x: x[:, 0])),
         "body_force: .* must return shape",
     ),
     "a gap that is not finite": (
@@ -141,15 +141,15 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "no cells": (lambda: lower_bounds(PROBLEM, 0), "cells"),
     "cells that are no number": (lambda: lower_bounds(PROBLEM, float("nan")), "cells"),  # type: ignore[arg-type]
     "no contact": (
-        lambda: lower_bounds(changed(contact={})),
+        lambda: lower_bounds(problem_with(contact={})),
         "no contact boundary, and so no trace constant; state Contact",
     ),
     "held by contact alone": (
-        lambda: lower_bounds(changed(supports={})),
+        lambda: lower_bounds(problem_with(supports={})),
         "the supports do not constrain the body.*; add a support",
     ),
     "a material that varies within cells": (
-        lambda: lower_bounds(changed(material=hv.Material.lame(lambda x: 4.0 + x[:, 0], 4.0))),
+        lambda: lower_bounds(problem_with(material=hv.Material.lame(lambda x: 4.0 + x[:, 0], 4.0))),
         "varies inside cells; ",
     ),
     # meshes that adapt
@@ -236,7 +236,7 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
         "known from samples only",
     ),
     "a material that varies within cells": (
-        lambda: judged(changed(material=hv.Material.lame(lambda x: 4.0 + x[:, 0], 4.0))),
+        lambda: judged(problem_with(material=hv.Material.lame(lambda x: 4.0 + x[:, 0], 4.0))),
         "estimate",
         "varies within cells",
     ),
@@ -253,7 +253,7 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
         "the gap of",
     ),
     "prescribed displacements that are functions": (
-        lambda: judged(changed(supports={"left": hv.Prescribed(lambda x: 0.01 * x**2)})),
+        lambda: judged(problem_with(supports={"left": hv.Prescribed(lambda x: 0.01 * x**2)})),
         "estimate",
         "the mesh interpolates",
     ),

@@ -27,7 +27,7 @@ from tests.samples import sampled, slow
 
 from .admissibility import imbalance
 from .bodies import shaken
-from .test_touching_bodies import blocks, error_of
+from .test_touching_bodies import bowl_between, error_on_refined
 
 
 def opened(mesh: Mesh, *levels: float) -> Mesh:
@@ -55,7 +55,7 @@ def two(mesh: Mesh, moduli: tuple[float, float], pairs: object, **more: object) 
     return hv.ContactProblem(mesh, material, pairs, **stated)  # type: ignore[arg-type]
 
 
-def random_problem(seed: int) -> hv.ContactProblem:
+def random_joint(seed: int) -> hv.ContactProblem:
     """Few cells of bad shape, a joint that is bent, stiffnesses of up to 1000 to 1, any law, either side."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
@@ -78,16 +78,16 @@ def random_problem(seed: int) -> hv.ContactProblem:
     )  # fmt: skip
 
 
-def stated(problem: hv.ContactProblem) -> tuple[hv.Solution, ExactDistance]:
+def solved_and_bounded(problem: hv.ContactProblem) -> tuple[hv.Solution, ExactDistance]:
     found = hv.solve(problem)
     return found, exact_distance(problem, found.displacement, guaranteed_trace_bounds(hv.discretize(problem)))
 
 
 @pytest.mark.parametrize("seed", sampled(range(24), 8))
 def test_the_bound_is_above_the_error(seed: int) -> None:
-    problem = random_problem(seed)
-    found, exact = stated(problem)
-    error = error_of(found, 4 - problem.order)
+    problem = random_joint(seed)
+    found, exact = solved_and_bounded(problem)
+    error = error_on_refined(found, 4 - problem.order)
     assert exact.guaranteed, exact.reasons
     assert error < exact.distance < 4.0 * error
 
@@ -110,7 +110,7 @@ def test_the_error_is_that_of_columns_in_series(law: str, moduli: tuple[float, f
                 "left": hv.mechanics.Roller(), "right": hv.mechanics.Roller()}  # fmt: skip
     problem = two(mesh, moduli, contact(0, springs if law == "springs" else glue), supports=supports)
     problem = replace(problem, material=material)
-    found, exact = stated(problem)
+    found, exact = solved_and_bounded(problem)
     y, upper = mesh.points[:, 1], np.isin(np.arange(mesh.number_of_nodes), mesh.cells[mesh.regions["part0"]])
     height = np.where(upper, pull + stress / moduli[0] * (y - 1.0), stress / moduli[1] * y)
     np.testing.assert_allclose(found.displacement[:, 1], height, atol=1e-9)
@@ -180,7 +180,7 @@ def test_three_bodies_and_a_middle_one_that_floats() -> None:
         exact = hv.certify(found, exact=True).exact
         assert exact is not None
         assert exact.guaranteed, exact.reasons
-        error = error_of(found, 3)
+        error = error_on_refined(found, 3)
         assert error < exact.bound < 2.5 * error
         assert bool(exact.unseen) == (not isinstance(held.get("left"), hv.mechanics.Clamped))
 
@@ -198,7 +198,7 @@ def test_a_body_that_another_one_holds(order: int) -> None:
         assert exact is not None
         assert exact.guaranteed
         assert exact.unseen
-        error = error_of(found, 4 - order)
+        error = error_on_refined(found, 4 - order)
         assert error < exact.bound < 1.5 * error
 
 
@@ -207,15 +207,15 @@ def test_a_bound_in_space() -> None:
         opened(hv.box((1.0, 1.0, 1.0), 2), 0.5), (10.0, 0.1), contact(0, hv.Signorini(), hv.Tresca(0.001)),
         supports={"bottom": hv.mechanics.Clamped(), "top": hv.Prescribed((0.02, 0.01, -0.04))},
     )  # fmt: skip
-    found, exact = stated(problem)
+    found, exact = solved_and_bounded(problem)
     assert exact.guaranteed
-    error = error_of(found, 2)
+    error = error_on_refined(found, 2)
     assert error < exact.distance < 3.0 * error
 
 
 def test_what_has_no_bound_keeps_its_estimate() -> None:
     """Facets that do not coincide, and Coulomb's friction; each is said."""
-    assert joined_sides(blocks("rigid")) is None
+    assert joined_sides(bowl_between("rigid")) is None
     problem = two(
         opened(hv.rectangle((1.0, 1.0), (3, 4)), 0.5), (10.0, 3.0), contact(0, hv.Signorini(), hv.Coulomb(0.3)),
         supports={"bottom": hv.mechanics.Clamped(), "top": hv.Prescribed((0.01, -0.03))},
@@ -225,13 +225,13 @@ def test_what_has_no_bound_keeps_its_estimate() -> None:
     assert exact is not None
     assert not exact.guaranteed
     assert "depends on the pressure" in exact.why
-    assert 1.0 < exact.bound / error_of(found, 3) < 1.7
+    assert 1.0 < exact.bound / error_on_refined(found, 3) < 1.7
 
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_side_with_the_contact_points_does_not_matter(order: int) -> None:
     found = [
-        stated(
+        solved_and_bounded(
             two(
                 opened(hv.rectangle((1.0, 1.0), (4, 4)), 0.5), (100.0, 1.0), contact(0, hv.Signorini(), slave=side),
                 supports={"bottom": hv.mechanics.Clamped(), "top": hv.Prescribed((0.02, -0.03))},
@@ -241,7 +241,9 @@ def test_the_side_with_the_contact_points_does_not_matter(order: int) -> None:
         for side in ("joint0:part0", "joint0:part1")
     ]  # fmt: skip
     assert found[0][1].distance == pytest.approx(found[1][1].distance, rel=1e-6)
-    assert found[0][1].distance < 1.6 * error_of(found[0][0], 3 - order)  # the softer body gives way between its nodes
+    assert found[0][1].distance < 1.6 * error_on_refined(
+        found[0][0], 3 - order
+    )  # the softer body gives way between its nodes
 
 
 def test_what_one_side_cannot_give_way_the_other_one_does() -> None:
@@ -254,13 +256,13 @@ def test_what_one_side_cannot_give_way_the_other_one_does() -> None:
         mesh, (10.0, 3.0), contact(0, hv.Signorini(), slave="joint0:part0"), body_force=(0.0, 0.5),
         supports={"bottom": hv.mechanics.Clamped(), "left": hv.mechanics.Clamped()},
     )  # fmt: skip
-    found, exact = stated(problem)
+    found, exact = solved_and_bounded(problem)
     traces = contact_traces(body_data(problem, found.displacement))
     assert traces is not None
     assert traces.beyond > 1e-4
     assert exact.guaranteed, exact.reasons
     assert exact.parts.correction > 0.0
-    error = error_of(found, 3)
+    error = error_on_refined(found, 3)
     assert error < exact.distance < 3.0 * error
 
 

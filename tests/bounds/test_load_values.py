@@ -30,7 +30,7 @@ def vector(*entries: str) -> FormulaArray:
     return FormulaArray(tuple(Formula(entry) for entry in entries), (len(entries),))
 
 
-def block(
+def loaded_square(
     cells: int, body: VectorData = (0.0, 0.0), top: Traction | None = None, order: int = 1, lame: float = 4.0
 ) -> hv.ContactProblem:
     contact = hv.Compliance(3.0)
@@ -44,14 +44,14 @@ def proved(problem: hv.ContactProblem) -> TraceBounds:
     return replace(discrete_trace_bounds(hv.discretize(problem)), guaranteed=True)
 
 
-CONSTANTS = proved(block(16))
+CONSTANTS = proved(loaded_square(16))
 
 
 def bounded(problem: hv.ContactProblem, constants: TraceBounds = CONSTANTS) -> ExactDistance:
     return exact_distance(problem, hv.solve(problem).displacement, constants)
 
 
-def error(problem: hv.ContactProblem, fine: int) -> float:
+def error_on_finer(problem: hv.ContactProblem, fine: int) -> float:
     """Energy norm of the distance to the solution with quadratic elements on a finer mesh."""
     best = hv.solve(replace(problem, mesh=problem.mesh.refined(fine), order=2))
     coarse = hv.solve(problem)
@@ -68,13 +68,15 @@ def error(problem: hv.ContactProblem, fine: int) -> float:
 @pytest.mark.parametrize("part", ["top", "body"])
 def test_a_load_that_no_point_of_the_rule_sees_is_part_of_the_bound(order: int, part: str) -> None:
     if part == "top":
-        problem = block(4, top=vector("0", MISSED), order=order)
+        problem = loaded_square(4, top=vector("0", MISSED), order=order)
     else:
-        problem = block(4, body=vector("0", "-300*max(0, 1 - (abs(x - 0.501) + abs(y - 0.502))/0.02)"), order=order)
+        problem = loaded_square(
+            4, body=vector("0", "-300*max(0, 1 - (abs(x - 0.501) + abs(y - 0.502))/0.02)"), order=order
+        )
     assert not hv.solve(problem).displacement.any()
     found = bounded(problem)
     assert found.guaranteed, found.reasons
-    assert found.distance >= error(problem, 3) > 0.0
+    assert found.distance >= error_on_finer(problem, 3) > 0.0
     assert found.parts.oscillation > 0.5 * found.distance
     assert found.relative == np.inf
 
@@ -88,7 +90,9 @@ def test_what_all_points_of_the_rule_miss_is_part_of_the_bound(order: int) -> No
     n = 24
     at = np.cos(2.0 * np.pi * (0.5 - 0.5 * np.sqrt(0.6)))
     wave = f"cos({2 * n}*pi*x)"
-    problem = replace(block(n, top=vector("0", f"-(1 + {wave})*({wave} - {float(at)!r})^2"), order=order), contact={})
+    problem = replace(
+        loaded_square(n, top=vector("0", f"-(1 + {wave})*({wave} - {float(at)!r})^2"), order=order), contact={}
+    )
     found = bounded(problem)
     assert np.abs(hv.solve(problem).displacement).max() < 1e-12
     x = (np.arange(n * 400) + 0.5) / (n * 400)
@@ -108,7 +112,7 @@ def test_what_all_points_of_the_rule_miss_is_part_of_the_bound(order: int) -> No
 
 def test_what_is_unknown_of_a_load_is_part_of_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     """Enclosed coarsely, the bound grows by all that may be hidden: that of a finer enclosure is below it."""
-    problem = block(4, body=vector("0", "-sin(30*x)*y"), top=vector("0", "-exp(-((x - 0.4)/0.1)^2)"))
+    problem = loaded_square(4, body=vector("0", "-sin(30*x)*y"), top=vector("0", "-exp(-((x - 0.4)/0.1)^2)"))
     fine = bounded(problem)
     monkeypatch.setattr(load_values_module, "_MOST", 0)
     coarse = bounded(problem)
@@ -154,7 +158,7 @@ def test_the_oscillation_is_above_what_linear_fields_do_not_see(most: int, monke
     """Of loads that are enclosed coarsely and finely, on cells and on facets; near to it where they are known."""
     monkeypatch.setattr(load_values_module, "_MOST", most)
     for texts in (("x*y", "-exp(-((x - 0.4)/0.1)^2 - ((y - 0.55)/0.1)^2)"), ("0", "x*x - y*y")):
-        problem = block(3, body=vector(*texts), order=2)
+        problem = loaded_square(3, body=vector(*texts), order=2)
         stress = bounded(problem).stress
         table, body = stress.data.table, stress.data.varying.body
         assert body is not None
@@ -167,7 +171,7 @@ def test_the_oscillation_is_above_what_linear_fields_do_not_see(most: int, monke
         linear = body.linear(table.volumes)
         assert (np.sqrt(found.missed) >= linear).all()
     text = "-exp(-((x - 0.4)/0.05)^2)"
-    stress = bounded(block(3, top=vector("0", text), order=2)).stress
+    stress = bounded(loaded_square(3, top=vector("0", text), order=2)).stress
     table, (facets, top) = stress.data.table, stress.data.varying.tractions["top"]
     found, constants = oscillation(stress, 1.0), local_constants(table, stress.data.tensors[:, 0])
     moments, unknown = top.moments(len(facets), 2), top.linear(table.measures[facets])
@@ -182,7 +186,7 @@ def test_the_oscillation_is_above_what_linear_fields_do_not_see(most: int, monke
 
 
 def test_an_adaptive_solve_finds_it() -> None:
-    found = hv.bounds.solve_adaptive(block(4, top=vector("0", MISSED)), rtol=0.3)
+    found = hv.bounds.solve_adaptive(loaded_square(4, top=vector("0", MISSED)), rtol=0.3)
     assert found.reached
     first = found.levels[0]
     assert first.solution.displacement.max() == 0.0
@@ -196,34 +200,38 @@ def test_an_adaptive_solve_finds_it() -> None:
 
 
 def test_pressures_are_bounded_as_tractions_are() -> None:
-    one = bounded(block(4, top=vector("0", MISSED)))
-    other = bounded(block(4, top=hv.Pressure(Formula(MISSED.removeprefix("-")))))
+    one = bounded(loaded_square(4, top=vector("0", MISSED)))
+    other = bounded(loaded_square(4, top=hv.Pressure(Formula(MISSED.removeprefix("-")))))
     assert other.guaranteed
     assert other.distance == pytest.approx(one.distance, rel=1e-9)
 
 
 def test_a_formula_at_a_time_is_bounded() -> None:
-    moving = block(4, top=vector("0", "-t*max(0, 1 - abs(x - 0.56)/0.03)")).at_time(10.0)
+    moving = loaded_square(4, top=vector("0", "-t*max(0, 1 - abs(x - 0.56)/0.03)")).at_time(10.0)
     found = bounded(moving)
     assert found.guaranteed
-    assert found.distance == pytest.approx(bounded(block(4, top=vector("0", MISSED))).distance, rel=1e-9)
+    assert found.distance == pytest.approx(bounded(loaded_square(4, top=vector("0", MISSED))).distance, rel=1e-9)
 
 
 def test_a_function_of_python_makes_an_estimate() -> None:
     def push(x: Array) -> Array:
         return np.column_stack([0.0 * x[:, 0], -np.sin(x[:, 0])])
 
-    for problem in (block(4, body=push), block(4, top=push), block(4, top=hv.Pressure(lambda x: x[:, 0]))):
+    for problem in (
+        loaded_square(4, body=push),
+        loaded_square(4, top=push),
+        loaded_square(4, top=hv.Pressure(lambda x: x[:, 0])),
+    ):
         found = bounded(problem)
         assert not found.guaranteed
         assert "is a function of Python, which is evaluated at points only" in found.reasons[0]
-    adapted = hv.bounds.solve_adaptive(block(4, top=push), rtol=0.3)
+    adapted = hv.bounds.solve_adaptive(loaded_square(4, top=push), rtol=0.3)
     assert adapted.ended == "estimated"
     assert not adapted.reached
 
 
 def test_a_formula_without_a_bound_makes_an_estimate() -> None:
-    found = bounded(block(4, top=vector("0", "log(x)")))
+    found = bounded(loaded_square(4, top=vector("0", "log(x)")))
     assert not found.guaranteed
     assert np.isfinite(found.distance)
     assert found.reasons == ("tractions['top'] has no known bound near some points, and is evaluated at points only",)
@@ -240,15 +248,15 @@ def test_smooth_formulas_lose_little(order: int) -> None:
     def top(x: Array) -> Array:
         return np.column_stack([0.1 * x[:, 1], -np.sin(np.pi * x[:, 0])])
 
-    found = bounded(block(8, vector(*texts[0]), vector(*texts[1]), order))
-    sampled = bounded(block(8, body, top, order))
+    found = bounded(loaded_square(8, vector(*texts[0]), vector(*texts[1]), order))
+    sampled = bounded(loaded_square(8, body, top, order))
     assert found.guaranteed
     assert sampled.distance < found.distance < (1.01 if order == 1 else 1.02) * sampled.distance
 
 
 def test_linear_loads_lose_nothing() -> None:
-    found = bounded(block(6, vector("x", "-1 - y"), vector("0", "x - 1")))
-    sampled = bounded(block(6, lambda x: np.column_stack([x[:, 0], -1.0 - x[:, 1]]),
+    found = bounded(loaded_square(6, vector("x", "-1 - y"), vector("0", "x - 1")))
+    sampled = bounded(loaded_square(6, lambda x: np.column_stack([x[:, 0], -1.0 - x[:, 1]]),
                             lambda x: np.column_stack([0.0 * x[:, 0], x[:, 0] - 1.0])))  # fmt: skip
     assert found.guaranteed
     assert found.distance == pytest.approx(sampled.distance, rel=1e-10)
@@ -257,7 +265,7 @@ def test_linear_loads_lose_nothing() -> None:
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e6])
 def test_bounds_do_not_depend_on_units(unit: float) -> None:
     """Lengths in other units, moduli in others."""
-    plain = block(4, body=vector("0", "-4*y*sin(7*x)"), top=vector("0", MISSED))
+    plain = loaded_square(4, body=vector("0", "-4*y*sin(7*x)"), top=vector("0", MISSED))
     scaled = replace(
         plain,
         mesh=hv.rectangle((unit, unit), (4, 4)),
@@ -271,7 +279,7 @@ def test_bounds_do_not_depend_on_units(unit: float) -> None:
 
 def test_a_goal_counts_the_stated_load() -> None:
     """The body weighs -0.3 and is held at its side alone: the support's force is known."""
-    problem = replace(block(4, top=vector("0", MISSED)), contact={"bottom": hv.Contact(hv.Compliance(1e-9))})
+    problem = replace(loaded_square(4, top=vector("0", MISSED)), contact={"bottom": hv.Contact(hv.Compliance(1e-9))})
     found = hv.bounds.solve_adaptive(problem, goal="support.left.force.y", rtol=0.5, max_unknowns=50)
     goal = found.levels[0].goal
     assert goal is not None
@@ -281,7 +289,7 @@ def test_a_goal_counts_the_stated_load() -> None:
 
 def test_an_interval_of_a_force_holds_what_is_unknown_of_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
     """Were the displacement exact, the force of the support would be known but for the load."""
-    problem = block(4, top=vector("0", "-sin(30*x)"))
+    problem = loaded_square(4, top=vector("0", "-sin(30*x)"))
     monkeypatch.setattr(load_values_module, "_MOST", 0)
     solution = hv.solve(problem)
     exact = replace(exact_distance(problem, solution.displacement, CONSTANTS), distance=0.0)

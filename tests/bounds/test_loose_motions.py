@@ -18,7 +18,7 @@ UNKNOWN = TraceBounds(0.0, 0.0, 0.0, 0.0, False, "not known")
 SPRINGS = hv.Compliance(100.0)
 
 
-def pressed(
+def evenly_pressed(
     touching: dict[str, hv.Contact], loads: dict[str, tuple[float, ...]], *, length: float = 1.0, dim: int = 2
 ) -> ExactDistance:
     """A block without supports, with the even strain that an even pressure makes of it."""
@@ -55,7 +55,7 @@ def test_what_presses_bars_motions(
     touching: dict[str, hv.Contact], loads: dict[str, tuple[float, ...]], loose: str
 ) -> None:
     for length in (1.0, 1e3):
-        found = pressed(touching, loads, length=length)
+        found = evenly_pressed(touching, loads, length=length)
         assert found.guaranteed, found.reasons
         assert found.unseen == "translation (1, 0), translation (0, 1), rotation"
         assert found.loose == loose
@@ -82,7 +82,7 @@ def test_a_turned_body_slides_along_its_plane(guided: bool) -> None:
 
 
 def test_a_cube_may_slide_and_turn_on_a_plane() -> None:
-    found = pressed(BOTTOM, {"top": (0.0, 0.0, -1.0)}, dim=3)
+    found = evenly_pressed(BOTTOM, {"top": (0.0, 0.0, -1.0)}, dim=3)
     assert found.unseen.count("translation") == 3
     assert found.loose == "translation (1, 0, 0), translation (0, 1, 0), rotation about the z axis"
 
@@ -91,11 +91,11 @@ def test_friction_decides_between_two_planes() -> None:
     """Pulled down along a wall and onto the floor: friction of the wall may bear all of it, or none."""
     for bound, loose in ((0.3, ""), (2.0, "translation (0, 1)")):
         wall = {"left": hv.Contact(Signorini(), hv.Tresca(bound)), "bottom": hv.Contact(SPRINGS)}
-        found = pressed(wall, {"top": (0.0, -1.0), "right": (-1.0, 0.0)})
+        found = evenly_pressed(wall, {"top": (0.0, -1.0), "right": (-1.0, 0.0)})
         assert found.loose == loose
 
 
-def blocks(count: int) -> hv.Mesh:
+def stacked(count: int) -> hv.Mesh:
     """Blocks one above the other without a common node; the names of their sides end in their numbers."""
     points, cells, boundaries = [], [], {}
     for k in range(count):
@@ -116,7 +116,7 @@ def test_a_wall_holds_the_part_that_is_pushed_against_it(law: Superpotential, wa
         touching |= {f"bottom{k}": hv.Contact(law)}
         touching |= {f"{side}{k}": hv.Contact(law, gap=0.0 if side == way else 0.1) for side in ("left", "right")}
         loads[f"top{k}"] = (force[way], -1.0)
-    solution = hv.solve(hv.ContactProblem(blocks(2), hv.Material.young(10.0, 0.3), touching, {}, tractions=loads))
+    solution = hv.solve(hv.ContactProblem(stacked(2), hv.Material.young(10.0, 0.3), touching, {}, tractions=loads))
     exact = solution.certify(exact=True).exact
     assert exact is not None
     assert exact.guaranteed, exact.why

@@ -88,7 +88,7 @@ def test_the_bodies_of_the_table(length: float) -> None:
     assert 1.0 / found.both.upper <= 1.0 / found.normal.lower + 1.0 / found.tangential.lower
 
 
-def strip(dim: int) -> hv.ContactProblem:
+def between_rollers(dim: int) -> hv.ContactProblem:
     """Between rollers, clamped on top: pressed evenly it answers by ``(lam + 2 mu) / height``, and otherwise harder."""
     mesh = rectangle((0.5, 1.0), (2, 4)) if dim == 2 else box((0.5, 0.5, 1.0), (4, 4, 4))
     sides = ("left", "right") if dim == 2 else ("left", "right", "front", "back")
@@ -99,7 +99,7 @@ def strip(dim: int) -> hv.ContactProblem:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_strip_between_rollers(dim: int) -> None:
     """Closed form: Lambda = 2; its mode is linear, so that in the plane nothing but rounding is lost."""
-    found = lower_bounds(strip(dim), 200)
+    found = lower_bounds(between_rollers(dim), 200)
     for bound in (found.both, found.normal):
         assert bound.lower > (2.0 * (1.0 - 1e-4) if dim == 2 else 0.5)
         assert bound.lower <= 2.0 * (1.0 + 1e-9)
@@ -110,7 +110,7 @@ def test_a_strip_between_rollers(dim: int) -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_body_of_a_strip(dim: int) -> None:
     """Closed form: 2 (pi / 2)^2 for motions along it; the bound is rough, and below."""
-    assert (0.3 if dim == 2 else 0.02) * 0.5 * np.pi**2 < body_bound(strip(dim)) < 0.5 * np.pi**2
+    assert (0.3 if dim == 2 else 0.02) * 0.5 * np.pi**2 < body_bound(between_rollers(dim)) < 0.5 * np.pi**2
 
 
 def test_weights(square: LowerBounds) -> None:

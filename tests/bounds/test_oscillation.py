@@ -17,7 +17,7 @@ from tests import bodies
 BENT = 1.0 / 180.0
 
 
-def stated(side: str, material: hv.Material, pattern: str = "right") -> hv.ContactProblem:
+def flat_strip(side: str, material: hv.Material, pattern: str = "right") -> hv.ContactProblem:
     """A flat body of one rectangle, cut in two, drawn on one side by a traction that is quadratic along it."""
     axis, length = (0, 1.0) if side == "top" else (1, 0.25)
 
@@ -52,13 +52,13 @@ def on_side(problem: hv.ContactProblem, side: str, modulus: float) -> float:
     ("side", "pattern"), [("top", "right"), ("right", "right"), ("right", "left"), ("top", "left")]
 )
 def test_a_traction_that_bends_counts_by_the_constant_of_its_own_facet(side: str, pattern: str) -> None:
-    problem = stated(side, hv.Material.lame(0.0, 0.5), pattern)
+    problem = flat_strip(side, hv.Material.lame(0.0, 0.5), pattern)
     assert on_side(problem, side, 0.5) * (1.0 - 1e-9) <= added(problem, side) <= 1.1 * on_side(problem, side, 0.5)
 
 
 def test_where_the_material_varies_in_a_cell_its_weakest_part_counts() -> None:
     """The modulus falls from 2 to 1/2 along the body; the cell at the top has its middle at a third of the way."""
     varying = hv.Material.lame(0.0, lambda x: 2.0 - 1.5 * x[:, 0])
-    problem = stated("top", varying)
+    problem = flat_strip("top", varying)
     found = added(problem, "top")
     assert on_side(problem, "top", 1.5) < found <= 1.1 * on_side(problem, "top", 0.5)

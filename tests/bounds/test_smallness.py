@@ -14,11 +14,11 @@ from hemivar.laws import Compliance, ContactLaw, Friction, Softening
 from hemivar.mechanics import Contact, ContactProblem
 from hemivar.solvers import solve
 from hemivar.systems.workspace import Workspace
-from tests.certificates.problems import square
+from tests.certificates.problems import survey_softening
 
 
 def test_the_survey_condition_of_a_law_without_softening_holds_whatever_the_trace() -> None:
-    problem = square(1.5)
+    problem = survey_softening(1.5)
     softened = smallness(problem)
     assert softened.trace_constant is not None
     assert softened.trace_bound is not None
@@ -26,7 +26,7 @@ def test_the_survey_condition_of_a_law_without_softening_holds_whatever_the_trac
     assert softened.m_A == pytest.approx(8.0)
     assert softened.survey_margin == pytest.approx(1.0 - 1.5 * softened.trace_bound**2 / 8.0)
     assert softened.survey_condition == (softened.survey_margin > 0.0)
-    steep = smallness(square(20.0))
+    steep = smallness(survey_softening(20.0))
     assert steep.survey_condition is False
     assert steep.survey_margin < 0.0
     convex = smallness(problem.with_(law=ContactLaw(Compliance(3.0), Friction(0.1)).at(problem.contact.points)))

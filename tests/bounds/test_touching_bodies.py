@@ -25,7 +25,7 @@ LAWS: dict[str, tuple[Superpotential, Friction]] = {
 }
 
 
-def blocks(law: str, cells: int = 2, order: int = 1, held: str = "pushed") -> hv.ContactProblem:
+def bowl_between(law: str, cells: int = 2, order: int = 1, held: str = "pushed") -> hv.ContactProblem:
     """Two blocks whose nodes do not match, with a bowl between them."""
     mesh = hv.Mesh.assembled({
         "upper": hv.rectangle((1.0, 0.5), (3 * cells, cells), origin=(0.0, 0.5)),
@@ -46,7 +46,7 @@ def blocks(law: str, cells: int = 2, order: int = 1, held: str = "pushed") -> hv
     return hv.ContactProblem(mesh, hv.Material.young(10.0, 0.3), contact, supports, tractions=loads, order=order)  # type: ignore[arg-type]
 
 
-def error_of(solution: hv.Solution, times: int) -> float:
+def error_on_refined(solution: hv.Solution, times: int) -> float:
     """Distance to the solution on a mesh refined so often."""
     problem = solution.problem.origin
     assert problem is not None
@@ -71,18 +71,18 @@ def error_of(solution: hv.Solution, times: int) -> float:
 )  # fmt: skip
 def test_estimates_are_near_to_the_error(law: str, held: str) -> None:
     for cells in (2, 4):
-        found = hv.solve(blocks(law, cells, held=held))
+        found = hv.solve(bowl_between(law, cells, held=held))
         exact = hv.certify(found, exact=True).exact
         assert exact is not None
         assert not exact.guaranteed
         assert "facets of bodies that touch do not coincide" in exact.reasons[0]
-        assert 1.0 < exact.bound / error_of(found, 3) < 1.7
+        assert 1.0 < exact.bound / error_on_refined(found, 3) < 1.7
 
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("held", ["pushed", "by contact", "on a foundation"])
 def test_each_part_is_in_equilibrium_under_its_tractions(order: int, held: str) -> None:
-    found = hv.solve(blocks("tresca", 3, order, held))
+    found = hv.solve(bowl_between("tresca", 3, order, held))
     problem = found.problem.origin
     assert problem is not None
     data, c = touching_bodies(problem, found.displacement)
@@ -120,7 +120,7 @@ def test_a_uniform_pressure_is_exact(space: bool) -> None:
 
 
 def test_meshes_adapt_on_both_sides() -> None:
-    found = solve_adaptive(blocks("tresca", 4), rtol=0.06, max_unknowns=4000)
+    found = solve_adaptive(bowl_between("tresca", 4), rtol=0.06, max_unknowns=4000)
     last = found.levels[-1]
     assert last.distance.relative <= 0.06
     assert not last.distance.guaranteed
@@ -133,11 +133,11 @@ def test_meshes_adapt_on_both_sides() -> None:
     assert np.count_nonzero((middle > 0.5) & (middle < 0.55)) > 40
     assert np.count_nonzero((middle > 0.45) & (middle < 0.5)) > 40
     with pytest.raises(hv.errors.ProblemError, match="facets of these two do not coincide; give no goal"):
-        solve_adaptive(blocks("tresca", 2), goal="contact.upper:bottom.force")
+        solve_adaptive(bowl_between("tresca", 2), goal="contact.upper:bottom.force")
 
 
 def test_no_trace_constant_of_one_side_stands_for_the_jump() -> None:
     """The survey's condition needs that of the jump: a bound of the trace on one side would be too good."""
-    found = hv.certify(hv.solve(blocks("glue", 3))).smallness
+    found = hv.certify(hv.solve(bowl_between("glue", 3))).smallness
     assert found.trace_constant is not None
     assert found.trace_bound is None

@@ -53,7 +53,7 @@ def pushed(contact: hv.Contact, load: tuple[float, ...], mesh: Mesh = PLANE) -> 
 # ---- one point ----------------------------------------------------------------------------------------------------
 
 
-def point(softening: float, stiffness: object, load: object, trace: object) -> hv.DiscreteProblem:
+def glued_point(softening: float, stiffness: object, load: object, trace: object) -> hv.DiscreteProblem:
     """One point of glue, strength 2.4 at an opening of 0.1, on springs."""
     law = ContactLaw(hv.Adhesive(24.0, 2.4, softening, 72.0)).at(None)
     return hv.DiscreteProblem.of_arrays(
@@ -65,7 +65,7 @@ def point(softening: float, stiffness: object, load: object, trace: object) -> h
 def test_a_point_that_is_pulled_through_a_spring_carries_its_strength(softening: float) -> None:
     """The spring of stiffness 12 passes the force on, however the glue softens."""
     spring = [[12.0, -12.0], [-12.0, 12.0]]
-    found = load_bracket(point(softening, spring, [1.0, 0.0], [[0.0, -1.0]]))
+    found = load_bracket(glued_point(softening, spring, [1.0, 0.0], [[0.0, -1.0]]))
     encloses(found, 2.4)
     opening = found.carried / 24.0
     np.testing.assert_allclose(found.solution.unknowns, [opening + found.carried / 12.0, opening], rtol=1e-6)
@@ -77,7 +77,7 @@ def test_a_point_that_is_pulled_through_a_spring_carries_its_strength(softening:
 def test_where_no_fold_was_found_the_iteration_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A body too large for a path."""
     monkeypatch.setattr(brackets, "affordable", lambda problem: False)
-    found = load_bracket(point(6.0, [[12.0, -12.0], [-12.0, 12.0]], [1.0, 0.0], [[0.0, -1.0]]))
+    found = load_bracket(glued_point(6.0, [[12.0, -12.0], [-12.0, 12.0]], [1.0, 0.0], [[0.0, -1.0]]))
     assert found.fold is None
     assert "the body ran away there" in str(found)
     assert "the iteration failed there: stalled" in str(replace(found, ended=Status.STALLED))
@@ -99,7 +99,7 @@ def test_a_load_that_does_not_grow_is_refused(ask: Callable[..., object]) -> Non
 @pytest.mark.parametrize(("softening", "opening"), [(6.0, 1.0 / 3.0), (36.0, 5.0 / 12.0)])
 def test_a_point_beside_a_spring_carries_everything(softening: float, opening: float) -> None:
     """12 w + t(w) = 5: with the fall 6 the glue holds still, with 36 it has jumped to broken on the way."""
-    found = load_bracket(point(softening, [[12.0]], [1.0], [[-1.0]]))
+    found = load_bracket(glued_point(softening, [[12.0]], [1.0], [[-1.0]]))
     assert (found.carried, found.not_carried, found.ended) == (5.0, None, Status.CONVERGED)
     assert found.solution.unknowns[0] == pytest.approx(opening, rel=1e-9)
     assert str(found) == "carries the load up to the factor 5, the largest that was tried"
@@ -121,7 +121,7 @@ def test_a_body_that_nothing_holds_carries_nothing(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("limit", [2.3, 2.3e-3, 2.3e-6])
 def test_a_small_part_of_the_load_is_bracketed_as_closely(limit: float) -> None:
     spring = [[12.0, -12.0], [-12.0, 12.0]]
-    encloses(load_bracket(point(6.0, spring, [2.4 / limit, 0.0], [[0.0, -1.0]])), limit)
+    encloses(load_bracket(glued_point(6.0, spring, [2.4 / limit, 0.0], [[0.0, -1.0]])), limit)
 
 
 # ---- uniform strips -----------------------------------------------------------------------------------------------

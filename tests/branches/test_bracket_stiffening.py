@@ -8,13 +8,13 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
-from tests.solvers.test_stiffening import BUCKLES, column, glued, leaning
+from tests.solvers.test_stiffening import BUCKLES, glued_block, leaning, pushed_cantilever
 
 
 @pytest.mark.parametrize("function", [hv.find_solutions, hv.follow_path, hv.bounds.solve_adaptive])
 def test_what_is_not_available_says_so(function: object) -> None:
     """All solutions, paths and adaptive solves."""
-    problem = replace(column(0.5 * BUCKLES), order=1, contact={"bottom": hv.Contact(hv.Signorini())})
+    problem = replace(pushed_cantilever(0.5 * BUCKLES), order=1, contact={"bottom": hv.Contact(hv.Signorini())})
     with pytest.raises(ProblemError, match="not available with stress stiffening"):
         function(problem)  # type: ignore[operator]
 
@@ -29,4 +29,4 @@ def test_the_problem_of_a_solution_is_the_one_that_was_stated() -> None:
 
 
 def test_glue_with_interference_carries_its_load() -> None:
-    assert hv.branches.load_bracket(glued(), upto=2.0).carried == 2.0
+    assert hv.branches.load_bracket(glued_block(), upto=2.0).carried == 2.0

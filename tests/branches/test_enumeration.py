@@ -20,14 +20,14 @@ from .random_problems import random_problem
 BODY = np.array([[2.0, -1.0], [-1.0, 3.0]])
 
 
-def problem(load: tuple[float, ...], law: ContactLaw, gap: float = 0.0) -> DiscreteProblem:
+def two_unknowns(load: tuple[float, ...], law: ContactLaw, gap: float = 0.0) -> DiscreteProblem:
     m = 1 if law.friction.bounds.any() else len(load)
     return DiscreteProblem.of_arrays(BODY, np.array(load), np.eye(2), np.ones(m), np.full(m, gap), law)
 
 
 @pytest.mark.parametrize("ratio", [1e3, 1e6, 1e9, 1e12, 1e15])
 def test_a_bound_far_above_the_load_holds_the_body(ratio: float) -> None:
-    found = find_solutions(problem((0.1, 0.7), ContactLaw(Compliance(1.0), Tresca(ratio))))
+    found = find_solutions(two_unknowns((0.1, 0.7), ContactLaw(Compliance(1.0), Tresca(ratio))))
     assert found.exhaustive
     assert [s.kind for s in found] == [PointKind.LOCAL_MINIMISER]
     np.testing.assert_allclose(found[0].local, [[0.1 / 3.0, 0.0]], atol=1e-15)
@@ -37,7 +37,7 @@ def test_a_bound_far_above_the_load_holds_the_body(ratio: float) -> None:
 @pytest.mark.parametrize("gap", [1e-9, 0.1, 0.3, 7.7, 1e6])
 def test_an_unloaded_body_above_a_gap_rests(gap: float) -> None:
     for law in (ContactLaw(Compliance(1.0)), ContactLaw(Compliance(1.0), Tresca(0.3))):
-        found = find_solutions(problem((0.0, 0.0), law, gap))
+        found = find_solutions(two_unknowns((0.0, 0.0), law, gap))
         assert found.exhaustive
         assert len(found) == 1
         np.testing.assert_array_equal(found[0].unknowns, 0.0)
@@ -73,7 +73,7 @@ def test_what_solve_returns_is_among_them(block: int) -> None:
 
 def test_a_candidate_that_is_not_shown_to_be_one_ends_the_claim(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the reason that a candidate is not accepted, exhaustive must not be said."""
-    body = problem((0.1, 0.7), ContactLaw(Compliance(1.0), Tresca(0.2)))
+    body = two_unknowns((0.1, 0.7), ContactLaw(Compliance(1.0), Tresca(0.2)))
     assert find_solutions(body).exhaustive
     monkeypatch.setattr(search.Polished, "solves", lambda *_: False)
     found = find_solutions(body)

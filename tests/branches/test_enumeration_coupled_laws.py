@@ -10,12 +10,12 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import MixedMode
-from tests.laws.coupled.test_mixed_mode_against_brute_force import random_law
+from tests.laws.coupled.test_mixed_mode_against_brute_force import random_mixed_mode
 
 
 def random_body(random: np.random.Generator) -> DiscreteProblem:
     """Three points on an elastic body that holds them together, opened and sheared."""
-    law = random_law(random, compliant=True)
+    law = random_mixed_mode(random, compliant=True)
     alpha, last, beta = float(law.weak_convexity[0][0]), law.opening_at_break.item(), float(law.beta[0])
     scale = np.tile([1.0, 1.0 / beta], 3)
     root = random.normal(size=(6, 6)) * 0.5 + 2.0 * np.eye(6)

@@ -9,20 +9,20 @@ from hemivar.basics import deadline
 from hemivar.branches import find_solutions, follow_path
 from hemivar.laws import ContactLaw, Tresca, table_law
 from hemivar.solvers import Controls
-from tests.certificates.problems import square
+from tests.certificates.problems import survey_softening
 from tests.counting import at_most_calls, time_by_looks
 from tests.problems import discrete_square
 
 
 def test_search_and_path_end_with_their_time() -> None:
-    problem = square(3.0, n=3)
+    problem = survey_softening(3.0, n=3)
     found = find_solutions(problem, controls=Controls(max_time=1e-6))
     assert not found.exhaustive
     assert "time limit" in found.searched
 
 
 def test_a_path_ends_with_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = square(3.0, n=3)
+    problem = survey_softening(3.0, n=3)
     assert follow_path(problem).reached_end
     calls = 0
 

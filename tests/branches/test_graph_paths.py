@@ -35,7 +35,7 @@ def arrays(stiffness: np.ndarray, load: np.ndarray, law: VectorLaw, components: 
     )
 
 
-def glue(alpha: float, strength: float = 2.4, stiffness: float = 24.0, ratio: float = 1.0) -> VectorLaw:
+def glue_on_a_line(alpha: float, strength: float = 2.4, stiffness: float = 24.0, ratio: float = 1.0) -> VectorLaw:
     """Mixed-mode glue on a line that falls by alpha."""
     onset = strength / stiffness
     energy = 0.5 * strength * (onset + strength / alpha)
@@ -51,7 +51,7 @@ def test_a_point_of_glue_on_a_spring_turns_where_the_closed_form_does(
     """Spring 12, glue 24 up to .1, falling by 36: at rho = .1 the far end is at .3, at the break 1/6 at 1/6."""
     way = np.zeros(components)
     way[:2] = -np.cos(angle), np.sin(angle)
-    law = glue(36.0 / unit, stiffness=24.0 / unit)
+    law = glue_on_a_line(36.0 / unit, stiffness=24.0 / unit)
     problem = arrays(np.eye(components) * 12.0 / unit, 12.0 * way, law, components)
     path = follow_path(problem, (0.0, 0.5))
     np.testing.assert_allclose([fold.load_factor for fold in path.folds], [0.3, 1.0 / 6.0], rtol=1e-9)
@@ -74,7 +74,7 @@ def test_two_points_branch_at_the_corner_where_the_other_mode_loses_its_stiffnes
     As ``k - c < alpha < k + c``, the load goes on to grow while both points soften, from onset to break together.
     """
     stiffness = np.kron([[12.0, 6.0], [6.0, 12.0]], np.eye(2)) / unit
-    law = glue(10.0 / unit, stiffness=24.0 / unit)
+    law = glue_on_a_line(10.0 / unit, stiffness=24.0 / unit)
     path = follow_path(arrays(stiffness, np.array([-1.0, 0.0, -1.0, 0.0]), law, 2), (0.0, 10.0))
     assert not path.perturbed
     assert not path.folds
@@ -170,7 +170,7 @@ def test_random_paths_of_coupled_glue_are_equilibria_and_end_at_solutions(seed: 
     stiffness = spread @ spread.T / n * 8.0 + 4.0 * np.eye(n)
     load = random.normal(size=n) * 3.0
     load[::components] = -np.abs(load[::components])
-    law = glue(float(random.uniform(4.0, 60.0)), ratio=float(random.uniform(0.5, 2.0)))
+    law = glue_on_a_line(float(random.uniform(4.0, 60.0)), ratio=float(random.uniform(0.5, 2.0)))
     path = follow_path(arrays(stiffness, load, law, components), (0.0, 4.0), max_points=3000)
     assert path.reached_end, path.ended
     assert equilibrium_error(path, stiffness, load) <= 1e-8
@@ -185,7 +185,7 @@ def test_contact_points_that_a_support_holds_in_part_are_followed() -> None:
     block = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 3),
         material=hv.Material.lame(4.0, 4.0),
-        contact={"bottom": hv.Contact(glue(6.0))},
+        contact={"bottom": hv.Contact(glue_on_a_line(6.0))},
         supports={"left": "roller", "right": "roller", "top": hv.Fixed(x=0.0, y=0.4)},
     )
     path = follow_path(block)
@@ -203,7 +203,9 @@ def test_contact_points_that_a_support_holds_in_part_are_followed() -> None:
 @pytest.mark.parametrize(("name", "value", "load"), [("max-opening", 0.15, 0.2), ("normal-force", -1.2, 0.1 + 0.05)])
 def test_a_path_ends_where_a_quantity_has_its_value(unit: float, name: str, value: float, load: float) -> None:
     """Softening, u = .15 carries .6: 12 (t - .15) = .6.  Before onset 24 u = 1.2 gives 12 (t - .05) = 1.2."""
-    problem = arrays(np.eye(2) * 12.0 / unit, np.array([-12.0, 0.0]), glue(36.0 / unit, stiffness=24.0 / unit), 2)
+    problem = arrays(
+        np.eye(2) * 12.0 / unit, np.array([-12.0, 0.0]), glue_on_a_line(36.0 / unit, stiffness=24.0 / unit), 2
+    )
     size = unit if name == "max-opening" else 1.0
     path = follow_path(problem, (0.0, 0.5), until={name: value * size})
     assert path.ended is PathEnd.UNTIL
@@ -286,7 +288,7 @@ def test_a_step_asks_no_more_of_a_curved_law_than_it_must(monkeypatch: pytest.Mo
         return on_graph(law, p, a)
 
     monkeypatch.setattr(L.MixedMode, "on_graph", counted)
-    problem = arrays(np.diag([12.0, 9.0]), np.array([-12.0, 4.0]), glue(36.0, ratio=0.7), 2)
+    problem = arrays(np.diag([12.0, 9.0]), np.array([-12.0, 4.0]), glue_on_a_line(36.0, ratio=0.7), 2)
     path = follow_path(problem, (0.0, 2.0), largest_step=2e-3)
     assert int(path.curved.sum()) >= 30
     assert len(calls) <= 9 * len(path)

@@ -10,12 +10,12 @@ from hemivar.branches import follow_path
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance
-from tests.fem.test_load_line import pulled
+from tests.fem.test_load_line import in_proportion
 from tests.problems import bar
 
 
 def test_constant_loads_are_names_of_loads() -> None:
-    problem = discretize(pulled(1.0))
+    problem = discretize(in_proportion(1.0))
     for constant, said in (
         (["lefft"], "no load 'lefft'; did you mean 'left'"),
         (["top"], "no load 'top' (known: left); its loads are left"),

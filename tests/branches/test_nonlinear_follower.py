@@ -16,7 +16,7 @@ L = hv.laws
 BULK, SHEAR, STRAIN = 20.0 / 3.0, 8.0, 0.05
 
 
-def hencky(unit: float = 1.0) -> hv.Material:
+def column_material(unit: float = 1.0) -> hv.Material:
     """Stress (bulk + 2/3 secant) e of a column between rollers; the secant, 2 G, falls to a quarter."""
     return hv.Material.hencky(bulk=BULK * unit, shear=0.5 * SHEAR * unit, softened=0.25, strain=STRAIN)
 
@@ -35,7 +35,7 @@ STIFF, LIMIT = 40.0, 0.02
 REST = BULK + 2.0 / 3.0 * SHEAR
 
 
-def stiffness(e: float) -> float:
+def tangent_of(e: float) -> float:
     """Derivative of the stress."""
     root = np.sqrt(1.0 + 2.0 / 3.0 * e**2 / STRAIN**2)
     return float(BULK + 2.0 / 3.0 * SHEAR * (0.25 + 0.75 / root**3))
@@ -56,7 +56,7 @@ def test_a_column_turns_where_the_closed_form_does(space: bool, alpha: float, le
     top = hv.Fixed(z=-0.12 * length) if space else hv.Fixed(y=-0.12 * length)
     stated = hv.ContactProblem(
         mesh=hv.box((length,) * 3, 1) if space else hv.rectangle((length, length), 1),
-        material=hencky(unit),
+        material=column_material(unit),
         contact={"bottom": hv.Contact(law)},
         supports={**dict.fromkeys(sides, "roller"), "top": top},
     )
@@ -78,7 +78,7 @@ def test_a_column_turns_where_the_closed_form_does(space: bool, alpha: float, le
     area = length**2 if space else length
     expected = [energy(end - x, x) for end, x in zip(ends, s[:, 0], strict=True)]
     np.testing.assert_allclose(path.energy / (area * unit * length), expected, atol=1e-9)
-    e = brentq(lambda e: stiffness(e) - alpha, 0.0, 1.0) if alpha < REST else 0.0
+    e = brentq(lambda e: tangent_of(e) - alpha, 0.0, 1.0) if alpha < REST else 0.0
     turns = [far_end(LIMIT, STIFF * LIMIT), e + LIMIT + (STIFF * LIMIT - stress(e)) / alpha]
     np.testing.assert_allclose([0.12 * fold.load_factor for fold in path.folds], turns, rtol=1e-8)
     assert path.first_instability == pytest.approx(turns[0] / 0.12, rel=1e-8)
@@ -103,7 +103,7 @@ def test_the_end_of_a_path_is_the_solution(contact: str, mesh: hv.mesh.Mesh, uni
     traction = (along, down) if mesh.dim == 2 else (along, 0.05, down)
     stated = hv.ContactProblem(
         mesh=mesh,
-        material=hencky(),
+        material=column_material(),
         contact={"bottom": law},
         supports={"left": "clamped"},
         tractions={"top": traction},

@@ -19,7 +19,7 @@ LINEAR = hv.Material.young(100.0, 0.3)
 SOFTENING = hv.Material.hencky(bulk=20.0, shear=4.0, softened=0.25, strain=0.05)
 
 
-def pressed(material: hv.Material, law: hv.Superpotential, moved: float = 0.0) -> hv.ContactProblem:
+def held_or_moved(material: hv.Material, law: hv.Superpotential, moved: float = 0.0) -> hv.ContactProblem:
     """A block under a load, held at its left side or moved there."""
     return hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 3),
@@ -37,24 +37,24 @@ def test_a_part_of_a_load_whose_square_underflows_is_carried(
     material: hv.Material, law: hv.Superpotential, moved: float
 ) -> None:
     """All is linear there: the answer is that of a small load, as much smaller as the load is."""
-    line = LoadLine.of(pressed(material, law, moved))
+    line = LoadLine.of(held_or_moved(material, law, moved))
     small, nothing = (hv.solve(line.at(factor)).raise_for_status() for factor in (1e-9, NOTHING))
     np.testing.assert_allclose(nothing.unknowns / NOTHING, small.unknowns / 1e-9, rtol=1e-5, atol=1e-8)
 
 
 def test_the_linear_body_in_place_of_one_at_rest_has_no_load_to_speak_of() -> None:
-    line = LoadLine.of(pressed(SOFTENING, hv.Signorini()))
+    line = LoadLine.of(held_or_moved(SOFTENING, hv.Signorini()))
     rest = line.at(NOTHING)
     body = linear_in_place(rest, NOTHING * np.ones(rest.unknowns))
     assert 0.0 < np.abs(body.load).max() < 1e-145
 
 
 def test_a_stated_load_of_that_size_is_refused_and_one_that_overflows_always() -> None:
-    problem = hv.discretize(pressed(LINEAR, hv.Signorini()))
+    problem = hv.discretize(held_or_moved(LINEAR, hv.Signorini()))
     with pytest.raises(ProblemError, match="underflow"):
         problem.with_(load=NOTHING * problem.load)
     with pytest.raises(ProblemError, match="underflow"):
-        hv.discretize(replace(pressed(LINEAR, hv.Signorini()), tractions={"top": (0.0, -NOTHING)}))
+        hv.discretize(replace(held_or_moved(LINEAR, hv.Signorini()), tractions={"top": (0.0, -NOTHING)}))
     assert problem.under(NOTHING * problem.load).load.any()
     for door in (lambda load: problem.with_(load=load), problem.under):
         with pytest.raises(ProblemError, match="overflow"):
@@ -65,7 +65,7 @@ def test_a_stated_load_of_that_size_is_refused_and_one_that_overflows_always() -
 def test_a_load_that_passes_near_zero_in_time_is_marched_through(material: hv.Material) -> None:
     """Steps of one second; in the second one nothing but rounding of the load is left, and the body is at rest."""
     stated = replace(
-        pressed(material, hv.laws.Compliance(40.0)),
+        held_or_moved(material, hv.laws.Compliance(40.0)),
         tractions={"top": lambda x, t: np.outer(np.full(len(x), [0.0, 0.1, NOTHING, 0.1][round(t)]), (0.0, -1.0))},
     )
     history = march(Evolution(stated), 3.0, step=1.0)

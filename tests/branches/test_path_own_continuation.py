@@ -22,27 +22,27 @@ Kind = tuple[VectorLaw, Graph, int]
 SPRING, LENGTH, UPTO = 8.0, 0.02, 3.0
 
 
-def spring(r: float) -> float:
+def spring_force(r: float) -> float:
     return SPRING * max(r, 0.0)
 
 
 def tresca(random: Random) -> Kind:
     law = L.ContactLaw(L.Compliance(SPRING), L.Tresca(0.5))
-    return law, frictional(spring, lambda p, s: 0.5, SPRING), 2
+    return law, frictional(spring_force, lambda p, s: 0.5, SPRING), 2
 
 
 def coulomb(random: Random, components: int = 2) -> Kind:
     mu = float(random.uniform(0.1, 0.3))
     law = L.ContactLaw(L.Compliance(SPRING), L.Tresca(L.CoulombBound(mu)))
-    return law, frictional(spring, lambda p, s: mu * p, SPRING), components
+    return law, frictional(spring_force, lambda p, s: mu * p, SPRING), components
 
 
-def weakening(random: Random) -> Kind:
+def weakening_kind(random: Random) -> Kind:
     law = L.ContactLaw(L.Compliance(SPRING), L.SlipWeakening(1.0, static=1.0, kinetic=0.3, rate=5.0))
-    return law, frictional(spring, lambda p, s: 0.3 + 0.7 * np.exp(-5.0 * s), SPRING), 2
+    return law, frictional(spring_force, lambda p, s: 0.3 + 0.7 * np.exp(-5.0 * s), SPRING), 2
 
 
-def softening(random: Random) -> Kind:
+def softening_kind(random: Random) -> Kind:
     alpha = float(random.uniform(3.0, 25.0))
 
     def off(r: Array, lam: Array) -> Array:
@@ -62,7 +62,7 @@ def adhesive(random: Random) -> Kind:
     return L.ContactLaw(L.Adhesive(10.0, 1.0, softening=alpha, compression=20.0)), off, 2
 
 
-def mixed(random: Random, components: int = 2) -> Kind:
+def mixed_kind(random: Random, components: int = 2) -> Kind:
     end, ratio = 0.1 + 1.0 / float(random.uniform(3.0, 25.0)), float(random.uniform(0.6, 1.5))
     cohesion = L.BilinearCohesion(strength=1.0, energy=0.5 * end, stiffness=10.0)
     law = L.MixedMode(cohesion, ratio=ratio, compression=L.Compliance(20.0))
@@ -87,12 +87,12 @@ KINDS: list[Callable[[Random], Kind]] = [
     lambda random: (L.ContactLaw(L.Signorini()), rigid(10.0), 2),
     tresca,
     coulomb,
-    softening,
-    weakening,
+    softening_kind,
+    weakening_kind,
     adhesive,
-    mixed,
+    mixed_kind,
     lambda random: coulomb(random, 3),
-    lambda random: mixed(random, 3),
+    lambda random: mixed_kind(random, 3),
     mode_dependent,
 ]
 #: Which way the load acts along the normal: onto the foundation, away from it, or either.
@@ -134,14 +134,14 @@ def test_a_path_is_that_of_another_continuation(seed: int) -> None:
     assert all(any(abs(one - other) <= 1e-8 for other in told) for one in folds)
 
 
-def glued(seed: int) -> tuple[hv.DiscreteProblem, Graph, Array]:
+def glued_points(seed: int) -> tuple[hv.DiscreteProblem, Graph, Array]:
     """One to three points of glue in the plane and in space that let go at once, under a load of any direction."""
     random = np.random.default_rng(seed)
     points, c = int(random.integers(1, 4)), int(random.integers(2, 4))
     n, root = points * c, random.normal(size=(points * c, points * c))
     stiffness, load = root @ root.T + 0.3 * n * np.eye(n), random.normal(size=n)
     load[::c] = -np.abs(load[::c])
-    law, graph, _ = mixed(random, c) if seed % 2 else mode_dependent(random)
+    law, graph, _ = mixed_kind(random, c) if seed % 2 else mode_dependent(random)
     weights = random.uniform(0.3, 1.0, points)
     trace = sp.csr_array(np.eye(n))
     problem = hv.DiscreteProblem.of_arrays(
@@ -150,7 +150,7 @@ def glued(seed: int) -> tuple[hv.DiscreteProblem, Graph, Array]:
     return problem, graph, stiffness
 
 
-def forces(problem: hv.DiscreteProblem, graph: Graph, stiffness: Array, r: Array) -> Array:
+def forces_at(problem: hv.DiscreteProblem, graph: Graph, stiffness: Array, r: Array) -> Array:
     """Of a body with glue at displacements (n,)."""
     pairs = zip(problem.contact.weights, r.reshape(problem.contact.count, -1), strict=True)
     return stiffness @ r - np.concatenate([weight * graph(one, np.zeros(one.size)) for weight, one in pairs])
@@ -158,15 +158,15 @@ def forces(problem: hv.DiscreteProblem, graph: Graph, stiffness: Array, r: Array
 
 @pytest.mark.parametrize("seed", sampled(range(80), (28,)))
 def test_stretches_are_as_stable_as_the_forces_say(seed: int) -> None:
-    problem, graph, stiffness = glued(seed)
+    problem, graph, stiffness = glued_points(seed)
     path = follow_path(problem, (0.0, 12.0))
     assert path.ended is PathEnd.UPPER_END
     points, told, own = path.local.reshape(len(path), -1), [], []
     for r, t in zip(points, path.load_factor, strict=True):
-        assert np.abs(forces(problem, graph, stiffness, r) - t * problem.load).max() <= 1e-7
+        assert np.abs(forces_at(problem, graph, stiffness, r) - t * problem.load).max() <= 1e-7
     for one, other, stable in zip(points[:-1], points[1:], path.stable, strict=True):
         ways, middle = 1e-6 * np.eye(one.size), 0.5 * (one + other)
-        columns = [forces(problem, graph, stiffness, middle + way) for way in (*ways, *-ways)]
+        columns = [forces_at(problem, graph, stiffness, middle + way) for way in (*ways, *-ways)]
         rates = np.linalg.eigvals(np.stack(columns[: one.size]) - np.stack(columns[one.size :])).real / 2e-6
         if np.abs(other - one).max() > 1e-5 and abs(rates.min()) > 1e-2 * np.abs(rates).max():
             told.append(bool(stable))

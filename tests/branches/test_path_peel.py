@@ -18,7 +18,7 @@ from hemivar.systems.workspace import Workspace
 BENDING, WIDTH, ARM, BOND = 70000.0 * 25.0 * 3.0**3 / 12.0, 25.0, 50.0, 60.0
 
 
-def beam(x: Array) -> Array:
+def beam_stiffness(x: Array) -> Array:
     """Stiffness of a beam (Hermite elements, deflection and slope of each node), clamped at its last node."""
     K = np.zeros((2 * x.size, 2 * x.size))
     for e, a in enumerate(np.diff(x)):
@@ -42,7 +42,12 @@ def peel(points: int) -> hv.DiscreteProblem:
     weights[0] /= 2.0
     law = hv.laws.ContactLaw(hv.Adhesive(2e4, 10.0, 20.0 / (0.1 - 1e-3), 2e4)).at(None)
     return hv.DiscreteProblem.of_arrays(
-        stiffness=sp.csr_array(beam(x)), load=load, trace=trace, weights=weights, gap=np.zeros(points), law=law
+        stiffness=sp.csr_array(beam_stiffness(x)),
+        load=load,
+        trace=trace,
+        weights=weights,
+        gap=np.zeros(points),
+        law=law,
     )
 
 

@@ -17,7 +17,7 @@ L = hv.laws
 SHEAR, HEIGHT, WIDTH = 2.0, 0.5, 1.0
 
 
-def strip(law: object, unit: float, **given: object) -> hv.ScalarProblem:
+def sheared_strip(law: object, unit: float, **given: object) -> hv.ScalarProblem:
     """A strip of this height, held at its top, on a law at its bottom."""
     stated: dict[str, object] = {"supports": {"top": 0.0}, "kind": "antiplane"} | given
     return hv.ScalarProblem(
@@ -101,7 +101,7 @@ def test_a_strip_whose_flux_is_not_linear_follows_the_closed_form() -> None:
     def pressure(s: float) -> float:
         return 40.0 * s if s < 0.02 else max(0.8 - 25.0 * (s - 0.02), 0.0)
 
-    stated = strip(law, 1.0, coefficient=power, supports={"top": 0.8}, kind="membrane")
+    stated = sheared_strip(law, 1.0, coefficient=power, supports={"top": 0.8}, kind="membrane")
     line = LoadLine.of(stated)
     path = follow_path(line.loaded, unloaded=line.unloaded, largest_step=0.1)
     assert path.reached_end

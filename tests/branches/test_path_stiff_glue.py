@@ -6,11 +6,11 @@ import numpy as np
 
 import hemivar as hv
 from hemivar.evolution import Evolution, march
-from tests.evolution.test_walk_stiff_glue import FIRST, LAWS, pulled
+from tests.evolution.test_walk_stiff_glue import FIRST, LAWS, arm_under_load
 
 
 def test_a_march_without_memory_is_on_the_load_path_before_its_first_fold() -> None:
-    problem = pulled(LAWS["without memory"], 2.0).problem
+    problem = arm_under_load(LAWS["without memory"], 2.0).problem
     path = hv.follow_path(problem.at_time(1.0))
     fold = path.load_factor[int(np.argmax(np.diff(path.load_factor) < 0.0))]
     assert 0.5 < fold < 1.0

@@ -18,7 +18,7 @@ from tests.samples import slow
 LAW = (40.0, 0.02, 25.0)
 
 
-def block(law: tuple[float, float, float] = LAW, pushed: float = 0.055) -> hv.ContactProblem:
+def two_corners(law: tuple[float, float, float] = LAW, pushed: float = 0.055) -> hv.ContactProblem:
     """Two unknowns: the depths of the two lower corners of a block between smooth walls."""
     return hencky_block(hv.Softening(*law), n=1, pushed=pushed).problem
 
@@ -65,7 +65,7 @@ def test_solutions_of_two_unknowns_are_among_those_of_a_grid(
     law: tuple[float, float, float], pushed: float, known: int
 ) -> None:
     """Eight random starts find so many of the minima at least, and nothing that is no solution."""
-    problem = block(law, pushed)
+    problem = two_corners(law, pushed)
     expected, minima = stationary_points(problem, law, pushed)
     found = hv.find_solutions(problem, starts=8, controls=hv.solvers.Controls(rtol=1e-10))
     assert not found.exhaustive
@@ -79,7 +79,7 @@ def test_solutions_of_two_unknowns_are_among_those_of_a_grid(
 
 
 def test_one_solution_is_called_so_by_the_margin_alone() -> None:
-    problem = block((40.0, 0.02, 1.0))
+    problem = two_corners((40.0, 0.02, 1.0))
     found = hv.find_solutions(problem)
     assert found.exhaustive
     assert len(found) == 1

@@ -13,7 +13,9 @@ from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, Penetra
 from hemivar.solvers import FixedPoint, LoadStepping, Status, solve
 
 
-def column(friction: Friction, load: tuple[float, float] = (1.0, 0.12), stiffness: float = 0.5) -> DiscreteProblem:
+def sliding_point(
+    friction: Friction, load: tuple[float, float] = (1.0, 0.12), stiffness: float = 0.5
+) -> DiscreteProblem:
     """One contact point on springs of stiffness 1."""
     law = ContactLaw(Compliance(stiffness), friction)
     return DiscreteProblem.of_arrays(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)
@@ -21,7 +23,7 @@ def column(friction: Friction, load: tuple[float, float] = (1.0, 0.12), stiffnes
 
 def weakening(rate: float = 200.0) -> DiscreteProblem:
     """r_n = 2/3 whatever the slip; the bound there is 2/15."""
-    return column(SlipWeakening(PenetrationBound(([0.0, 1.0], [0.0, 0.2])), 1.0, 0.5, rate))
+    return sliding_point(SlipWeakening(PenetrationBound(([0.0, 1.0], [0.0, 0.2])), 1.0, 0.5, rate))
 
 
 def slips(rate: float = 200.0) -> list[float]:
@@ -87,12 +89,12 @@ def test_the_bound_of_the_error_holds_for_every_solution() -> None:
 @pytest.mark.parametrize("bound", [PenetrationBound(([0.0, 1.0], [0.0, 4.0])), PenetrationBound("0.3*max(s, 0)")])
 @pytest.mark.parametrize("load", [(1.0, 0.12), (1.0, 0.9), (0.3, -0.4)])
 def test_one_solution_is_given_once(bound: PenetrationBound, load: tuple[float, float]) -> None:
-    found = find_solutions(column(Tresca(bound), load), starts=4)
+    found = find_solutions(sliding_point(Tresca(bound), load), starts=4)
     assert len(found) == 1, [s.local.tolist() for s in found]
 
 
 def test_coulomb_friction_has_its_solutions_on_the_curve_as_well() -> None:
-    found = find_solutions(column(Tresca(CoulombBound(0.3)), (1.0, 0.5)), starts=2)
+    found = find_solutions(sliding_point(Tresca(CoulombBound(0.3)), (1.0, 0.5)), starts=2)
     assert len(found) == 1
     assert not found.exhaustive
     # pressure 1/3, so that friction is 0.1
@@ -100,7 +102,7 @@ def test_coulomb_friction_has_its_solutions_on_the_curve_as_well() -> None:
 
 
 def test_a_path_ends_where_a_solve_does() -> None:
-    problem = column(Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.15]))))
+    problem = sliding_point(Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.15]))))
     path = follow_path(problem)
     np.testing.assert_allclose(path.local[-1, 0], [2.0 / 3.0, 0.12 - 0.1], atol=1e-12)  # slips against a bound of 0.1
     found = solve(problem, FixedPoint(LoadStepping()))

@@ -53,7 +53,7 @@ def weakening(drop: float, rate: float) -> PiecewiseQuadratic:
     )
 
 
-def square(
+def survey_softening(
     alpha: float, n: int = 6, friction: Friction | None = None, scale: tuple[float, float] = (1.0, 1.0)
 ) -> DiscreteProblem:
     """The survey's square on a softening foundation; ``scale`` changes the units of length and force."""

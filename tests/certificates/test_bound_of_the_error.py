@@ -26,7 +26,7 @@ from tests.certificates.problems import (
     bar_solution,
     bar_unknowns,
     softening,
-    square,
+    survey_softening,
     weakening,
 )
 from tests.samples import sampled
@@ -78,7 +78,7 @@ def test_bar_with_a_known_solution() -> None:
 def test_softening_square(friction: str, alpha: float) -> None:
     """A body with many contact points, every kind of disturbance, normal law and friction softening."""
     law = Tresca(0.05) if friction == "tresca" else Friction(0.05, weakening(0.4, 10.0))
-    problem = square(alpha, friction=law)
+    problem = survey_softening(alpha, friction=law)
     energy = EnergyNorm(problem.stiffness)
     reference = solve(problem, controls=Controls(rtol=1e-13))
     exact, lam = reference.unknowns, reference.multiplier
@@ -199,7 +199,7 @@ def test_certificates_do_not_ask_the_solvers() -> None:
 def test_bound_that_depends_on_the_penetration() -> None:
     """J(w, v): the margin counts the coupling as well, and the bound is about the coupled problem."""
     friction = Friction(PenetrationBound("0.05 + 0.5*max(s, 0)"))
-    problem = square(0.5, friction=friction)
+    problem = survey_softening(0.5, friction=friction)
     law = problem.law
     state = solve(problem.with_(law=law.frozen(np.zeros((problem.contact_points, 2)), np.zeros((1, 2)))))
     for _ in range(60):  # the outer fixed point, which contracts
@@ -217,7 +217,7 @@ def test_bound_that_depends_on_the_penetration() -> None:
 
 
 def test_units_do_not_matter() -> None:
-    plain_units, engineering = square(1.5), square(1.5, scale=(1e3, 1e6))
+    plain_units, engineering = survey_softening(1.5), survey_softening(1.5, scale=(1e3, 1e6))
     found = []
     for problem in (plain_units, engineering):
         reference = solve(problem, controls=Controls(rtol=1e-13))

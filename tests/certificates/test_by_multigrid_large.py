@@ -47,7 +47,7 @@ def _multigrid(problem: DiscreteProblem) -> by_multigrid.SolveByMultigrid:
     return by_multigrid.SolveByMultigrid(problem, hv.systems.Workspace())
 
 
-def body(
+def discrete_body(
     mesh: Mesh, normal: Superpotential, friction: Friction, material: Material | None = None, **supports: object
 ) -> DiscreteProblem:
     force = (-0.8, -0.4, -0.8) if mesh.dim == 3 else (-0.8, -0.8)
@@ -55,13 +55,15 @@ def body(
     return discretize(bodies.body(mesh, Contact(normal, friction), material=material, supports=held, body_force=force))
 
 
-def square(alpha: float, rate: float = 10.0, n: int = 32) -> DiscreteProblem:
-    return body(rectangle((1.0, 1.0), (n, n)), softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, rate)))
+def weakening_square(alpha: float, rate: float = 10.0, n: int = 32) -> DiscreteProblem:
+    return discrete_body(
+        rectangle((1.0, 1.0), (n, n)), softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, rate))
+    )
 
 
-def cube(alpha: float, rate: float = 10.0, n: int = 8) -> DiscreteProblem:
+def weakening_cube(alpha: float, rate: float = 10.0, n: int = 8) -> DiscreteProblem:
     mesh = hv.box((1.0, 1.0, 1.0), (n, n, n))
-    return body(mesh, softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, rate)))
+    return discrete_body(mesh, softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, rate)))
 
 
 def from_a_file(alpha: float, n: int = 24) -> DiscreteProblem:
@@ -71,35 +73,35 @@ def from_a_file(alpha: float, n: int = 24) -> DiscreteProblem:
     inside = np.all((points > 0) & (points < 1), axis=1)
     points[inside] += 0.15 / n * np.random.default_rng(3).uniform(-1, 1, (int(inside.sum()), 2))
     mesh = Mesh(points, mesh.cells, dict(mesh.boundaries))
-    return body(mesh, softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, 10.0)))
+    return discrete_body(mesh, softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, 10.0)))
 
 
 def cube_from_a_file(alpha: float) -> DiscreteProblem:
     mesh = hv.box((1.0, 1.0, 1.0), (9, 9, 9))
     mesh = Mesh(mesh.points, mesh.cells, dict(mesh.boundaries))
-    return body(mesh, softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, 10.0)))
+    return discrete_body(mesh, softening(3.0, 0.02, alpha), Friction(0.05, weakening(0.4, 10.0)))
 
 
 INSIDE: dict[str, Callable[[], DiscreteProblem]] = {
     "convex square": lambda: discretize(gallery.survey("5.1", 32, "right")),
     "convex cube": lambda: discretize(gallery.survey_cube("5.1", 8)),
-    "square": lambda: square(1.5),
-    "square near its margin": lambda: square(2.9),
+    "square": lambda: weakening_square(1.5),
+    "square near its margin": lambda: weakening_square(2.9),
     "weakening square": lambda: discretize(gallery.survey_logarithmic(0.3, 32, "right")),
-    "cube": lambda: cube(1.0),
+    "cube": lambda: weakening_cube(1.0),
     "weakening cube": lambda: discretize(gallery.survey_cube_logarithmic(0.3, 8)),
     "mesh from a file": lambda: from_a_file(1.5),
     "mesh of tetrahedra from a file": lambda: cube_from_a_file(1.0),
-    "two materials": lambda: body(
+    "two materials": lambda: discrete_body(
         rectangle((1.0, 1.0), (32, 32)),
         softening(3.0, 0.02, 0.03),
         Tresca(0.05),
         Material.lame(4.0, lambda x: np.where(x[:, 0] < 0.5, 0.04, 40.0)),
     ),
-    "nearly incompressible": lambda: body(
+    "nearly incompressible": lambda: discrete_body(
         rectangle((1.0, 1.0), (32, 32)), softening(3.0, 0.02, 1.0), Tresca(0.05), Material.lame(400.0, 4.0)
     ),
-    "bound that depends on the penetration": lambda: body(
+    "bound that depends on the penetration": lambda: discrete_body(
         rectangle((1.0, 1.0), (32, 32)), softening(3.0, 0.02, 0.5), Friction(PenetrationBound("0.05 + 0.5*max(s, 0)"))
     ),
 }
@@ -180,7 +182,7 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
     """All points on one falling piece: the curvature is 1 - c, by a dense eigenproblem; a saddle once c > 1."""
     for alpha in (3.0, 30.0):
         falling = PiecewiseQuadratic([0.0], [-alpha, -alpha], [0.0])  # type: ignore[arg-type]
-        problem = body(rectangle((1.0, 1.0), (24, 24)), falling, NoFriction())
+        problem = discrete_body(rectangle((1.0, 1.0), (24, 24)), falling, NoFriction())
         weight = np.zeros((problem.contact_points, 2))
         weight[:, 0] = alpha * problem.contact.weights
         soft = problem.contact.trace.T @ (weight.ravel()[:, None] * problem.contact.trace.toarray())
@@ -205,7 +207,7 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
 @pytest.mark.parametrize("value", [0.5, 0.999, 1.001, 2.0])
 def test_an_eigenvalue_is_told_from_one_or_not_given(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Scaled to a value by a dense eigenproblem: after steps enough on its side, without steps not on the wrong one."""
-    problem = square(1.5, n=16)
+    problem = weakening_square(1.5, n=16)
     rows = problem.contact.trace
     free = np.zeros((problem.contact_points, 2), dtype=bool)
     ones = np.ones(rows.shape[0])
@@ -222,7 +224,9 @@ def test_an_eigenvalue_is_told_from_one_or_not_given(value: float, monkeypatch: 
         assert rough is None
 
 
-@pytest.mark.parametrize("make", [lambda: square(40.0), lambda: square(1.5, 400.0), lambda: cube(20.0)])
+@pytest.mark.parametrize(
+    "make", [lambda: weakening_square(40.0), lambda: weakening_square(1.5, 400.0), lambda: weakening_cube(20.0)]
+)
 def test_outside_the_margin(make: Callable[[], DiscreteProblem]) -> None:
     """Some points stick, some slip: the curvature on what is left."""
     problem = make()
@@ -247,7 +251,7 @@ def test_body_that_only_contact_holds(nested: bool, dim: int) -> None:
     mesh = hv.box((1.0, 1.0, 1.0), (8, 8, 8)) if dim == 3 else rectangle((1.0, 1.0), (32, 32))
     if not nested:
         mesh = Mesh(mesh.points, mesh.cells, dict(mesh.boundaries))
-    problem = body(mesh, ThresholdCompliance(0.3, 20.0), Tresca(2.0), left=Roller())
+    problem = discrete_body(mesh, ThresholdCompliance(0.3, 20.0), Tresca(2.0), left=Roller())
     norm = EnergyNorm.by_multigrid(problem)
     assert not norm.definite
     solution = hv.solve(problem, controls=TIGHT)
@@ -256,12 +260,12 @@ def test_body_that_only_contact_holds(nested: bool, dim: int) -> None:
     assert found.stationary
     assert found.kind is PointKind.UNIQUE_MINIMISER  # contact holds it at its solution
     assert found.error_bound == np.inf
-    assert EnergyNorm.by_multigrid(body(mesh, ThresholdCompliance(0.3, 20.0), Tresca(2.0))).definite
+    assert EnergyNorm.by_multigrid(discrete_body(mesh, ThresholdCompliance(0.3, 20.0), Tresca(2.0))).definite
 
 
 def test_arrays() -> None:
     """Without a mesh the levels know nothing of rigid motions."""
-    made = square(1.5)
+    made = weakening_square(1.5)
     parts = (made.load, made.contact.trace, made.contact.weights, made.gap, made.law)
     problem = DiscreteProblem.of_arrays(made.stiffness, *parts)  # type: ignore[arg-type]
     exact, quick = (
@@ -272,7 +276,7 @@ def test_arrays() -> None:
     root = np.sqrt(made.stiffness.diagonal())
     lowest = np.linalg.eigvalsh(made.stiffness.toarray() / np.outer(root, root))[0]
     assert EnergyNorm.by_multigrid(problem).lowest <= lowest
-    held = body(rectangle((1.0, 1.0), (32, 32)), ThresholdCompliance(0.3, 20.0), Tresca(2.0), left=Roller())
+    held = discrete_body(rectangle((1.0, 1.0), (32, 32)), ThresholdCompliance(0.3, 20.0), Tresca(2.0), left=Roller())
     floating = DiscreteProblem.of_arrays(
         held.stiffness, held.load, held.contact.trace, held.contact.weights, held.gap, held.law
     )
@@ -307,7 +311,7 @@ def test_units_do_not_matter() -> None:
 @pytest.mark.parametrize("nu", [0.3, 0.5 - 1e-8])
 def test_dual_norm_of_a_load_where_cycles_in_single_precision_see_the_body_and_where_not(nu: float) -> None:
     mesh, friction = rectangle((1.0, 1.0), (32, 32)), Friction(0.05, weakening(0.4, 10.0))
-    problem = body(mesh, softening(3.0, 0.02, 0.1), friction, Material.young(1.0, nu))
+    problem = discrete_body(mesh, softening(3.0, 0.02, 0.1), friction, Material.young(1.0, nu))
     exact = EnergyNorm(problem.stiffness).riesz(problem.load)[1]
     assert 0.99 * exact <= EnergyNorm.by_multigrid(problem).riesz(problem.load)[1] <= 1.03 * exact
 
@@ -316,14 +320,14 @@ def test_dual_norm_of_a_load_where_cycles_in_single_precision_see_the_body_and_w
 def test_dual_norm_of_a_rough_force_on_a_body_that_hardly_changes_its_volume(excess: float) -> None:
     """Few motions are hardly changed by a cycle: what is left in them must not be taken for what others would leave."""
     mesh, friction = rectangle((1.0, 1.0), (64, 64)), Friction(0.05, weakening(0.4, 10.0))
-    problem = body(mesh, softening(3.0, 0.02, 0.1), friction, Material.young(1.0, 0.5 - excess))
+    problem = discrete_body(mesh, softening(3.0, 0.02, 0.1), friction, Material.young(1.0, 0.5 - excess))
     exact, by_multigrid = EnergyNorm(problem.stiffness), EnergyNorm.by_multigrid(problem)
     for seed in range(3):
         force = np.random.default_rng(seed).standard_normal(problem.unknowns)
         assert (1.0 - 1e-6) <= by_multigrid.riesz(force)[1] / exact.riesz(force)[1] <= 1.1
 
 
-@pytest.mark.parametrize("make", [lambda: square(1.5), lambda: from_a_file(1.5), lambda: cube(1.0)])
+@pytest.mark.parametrize("make", [lambda: weakening_square(1.5), lambda: from_a_file(1.5), lambda: weakening_cube(1.0)])
 def test_the_quality_of_a_cycle_is_estimated_from_below(make: Callable[[], DiscreteProblem]) -> None:
     """The largest factor by which cycles reduce an error, after many of them on the finest level."""
     problem = make()
@@ -360,11 +364,11 @@ def test_norms_in_another_unit_of_force(force: float) -> None:
     plain = norms_of(from_a_file(1.5))
     mesh = from_a_file(1.5).field.mesh  # type: ignore[union-attr]
     law, friction = softening(3.0 * force, 0.02, 1.5 * force), Tresca(0.05 * force)
-    scaled = norms_of(body(mesh, law, friction, Material.lame(4.0 * force, 4.0 * force)), force)
+    scaled = norms_of(discrete_body(mesh, law, friction, Material.lame(4.0 * force, 4.0 * force)), force)
     np.testing.assert_allclose(scaled, plain, rtol=1e-6)
 
 
-@pytest.mark.parametrize("make", [lambda: square(1.5), lambda: from_a_file(1.5)])
+@pytest.mark.parametrize("make", [lambda: weakening_square(1.5), lambda: from_a_file(1.5)])
 def test_the_coarsest_level_by_a_dense_matrix_or_by_lanczos_steps(
     make: Callable[[], DiscreteProblem], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -382,7 +386,7 @@ def test_the_coarsest_level_by_a_dense_matrix_or_by_lanczos_steps(
 
 def test_large_problems_are_left_to_multigrid(monkeypatch: pytest.MonkeyPatch) -> None:
     """Above a size: the method, the constants that are left out, and the trace constant."""
-    problem = square(1.5)
+    problem = weakening_square(1.5)
     assert energy_norm(problem).factorised
     exact, constants = certify(problem, np.zeros(problem.unknowns)).smallness, trace_constants(problem)
     monkeypatch.setattr(norms, "FACTORISED", (1000, 1000))

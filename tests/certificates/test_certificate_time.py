@@ -10,7 +10,7 @@ from hemivar.certificates import PointKind, certify
 from hemivar.laws import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import nearest_knot
 from hemivar.solvers import solve
-from tests.certificates.problems import square
+from tests.certificates.problems import survey_softening
 
 
 def every_knot(law: PiecewiseQuadratic, r: np.ndarray, lam: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_few_knots_of_a_long_table_are_looked_at(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("max_time", [0.0, 1e-9])
 def test_without_time_a_certificate_holds_the_residual_and_says_what_it_lacks(max_time: float) -> None:
-    problem = square(0.5, n=3)
+    problem = survey_softening(0.5, n=3)
     solution = solve(problem)
     certificate = certify(problem, solution.unknowns, solution.multiplier, max_time=max_time)
     assert certificate.left_out == ("margin", "equilibrium", "error bound", "kind", "trace constant")
@@ -82,7 +82,7 @@ def test_without_time_a_certificate_holds_the_residual_and_says_what_it_lacks(ma
 
 def test_the_time_ends_inside_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
     """The clock is looked at in every solve with K, not only between the parts."""
-    problem = square(0.5, n=3)
+    problem = survey_softening(0.5, n=3)
     solution = solve(problem)
     calls = 0
 

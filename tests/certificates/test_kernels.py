@@ -18,7 +18,7 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scalar_graph
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
-from tests.certificates.problems import bar_problem, bar_unknowns, square, weakening
+from tests.certificates.problems import bar_problem, bar_unknowns, survey_softening, weakening
 from tests.systems.test_contact_moves_in_parts import in_parts
 
 
@@ -226,7 +226,7 @@ def test_the_best_knot_does_not_depend_on_how_many_are_looked_at_in_one_go(
     one = ContactLaw(law)
     r, lam, tau = rng.uniform(-1.0, 1.0, (30, 1)), rng.normal(size=(30, 1)), np.full((30, 2), 0.3)
     whole = one.fitted(r, lam, tau)
-    monkeypatch.setattr(scalar_graph, "_PAIRS", pairs)
+    monkeypatch.setattr(scalar_graph, "AT_ONCE", pairs)
     np.testing.assert_array_equal(one.fitted(r, lam, tau), whole)
 
 
@@ -315,7 +315,7 @@ def test_the_words_of_a_certificate_follow_its_numbers() -> None:
     assert "least curvature   -1 (the body alone: 1)" in unsure
     assert "margin            -1 (c = 2)" in unsure
     assert "no bound, because the margin is not positive" in unsure
-    late = "\n".join(certify(square(1.5), np.zeros(84), max_time=0.0).lines())
+    late = "\n".join(certify(survey_softening(1.5), np.zeros(84), max_time=0.0).lines())
     assert "no bound, because the time limit was reached" in late
     assert "left out" in late
 

@@ -15,7 +15,7 @@ from tests.certificates.problems import (
     block_of_arrays,
     brittle,
     softening,
-    square,
+    survey_softening,
 )
 from tests.problems import bar, discrete_square
 from tests.samples import slow
@@ -64,7 +64,7 @@ def test_saddle_with_friction() -> None:
 
 
 def test_many_contact_points_agree_with_the_dense_hessian() -> None:
-    problem = square(40.0, n=6, friction=NoFriction())
+    problem = survey_softening(40.0, n=6, friction=NoFriction())
     solution = solve(problem, controls=Controls(rtol=1e-12))
     certificate = certify(problem, solution.unknowns, solution.multiplier)
     assert certificate.margin < 0.0

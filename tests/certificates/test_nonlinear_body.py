@@ -47,7 +47,7 @@ SOFT = Softening(3.0, 0.02, 1.0)
 SNAP = Softening(40.0, 0.02, 25.0)
 
 
-def square(n: int = 16, material: Material = HENCKY, law: Superpotential = SOFT) -> ContactProblem:
+def hencky_square(n: int = 16, material: Material = HENCKY, law: Superpotential = SOFT) -> ContactProblem:
     return ContactProblem(
         mesh=rectangle((1.0, 1.0), n),
         material=material,
@@ -64,18 +64,18 @@ def matrix(problem: DiscreteProblem, material: Material) -> Array:
     return np.asarray((field.basis.T @ stiffness_matrix(field.mesh, material, field.order) @ field.basis).toarray())
 
 
-def judged(problem: DiscreteProblem, u: Array, lam: Array | None = None) -> list[Certificate]:
+def both_certificates(problem: DiscreteProblem, u: Array, lam: Array | None = None) -> list[Certificate]:
     """By factorisation and by multigrid."""
     return [certify(problem, u, lam), certify(problem, u, lam, factor=EnergyNorm.by_multigrid(problem))]
 
 
 def test_the_margin_is_that_of_the_lower_tensor() -> None:
-    solution = solve(square())
+    solution = solve(hencky_square())
     problem = solution.problem
     weights = problem.contact.weights[:, None] * np.array([[1.0, 0.0]])
     trace = problem.contact.trace.toarray()
     top = la.eigvalsh(trace.T @ (weights.ravel()[:, None] * trace), matrix(problem, BELOW))[-1]
-    exactly, nearly = judged(problem, solution.unknowns, solution.multiplier)
+    exactly, nearly = both_certificates(problem, solution.unknowns, solution.multiplier)
     assert exactly.margin == pytest.approx(1.0 - top, rel=1e-7)
     assert 1.0 - top - 0.01 < nearly.margin <= 1.0 - top + 1e-9
     for found in (exactly, nearly):
@@ -92,22 +92,24 @@ def test_the_margin_is_that_of_the_lower_tensor() -> None:
 def test_no_error_bound_is_below_the_error(seed: int) -> None:
     """The distance to the solution, in the norm of the lower tensor, of what lies near to it and far away."""
     rng = np.random.default_rng(seed)
-    solution = solve(square())
+    solution = solve(hencky_square())
     problem, u = solution.problem, solution.unknowns
     off = rng.normal(size=u.shape) * 10.0 ** rng.uniform(-9.0, 0.0) * np.abs(u).max()
     error = float(np.sqrt(off @ matrix(problem, BELOW) @ off))
-    for found in judged(problem, u + off):
+    for found in both_certificates(problem, u + off):
         assert error <= found.error_bound < np.inf
         assert not found.error_bound_sampled
 
 
 def test_it_is_sharp_where_the_body_is_as_soft_as_its_bound() -> None:
     """Without softening the bound is that of the linear material, up to the rounding of the forces."""
-    potential = square(material=Material.hencky(BULK, SHEAR, 1.0, STRAIN))
-    linear = square(material=Material.lame(BULK - 2.0 * SHEAR / 3.0, SHEAR))
+    potential = hencky_square(material=Material.hencky(BULK, SHEAR, 1.0, STRAIN))
+    linear = hencky_square(material=Material.lame(BULK - 2.0 * SHEAR / 3.0, SHEAR))
     u = solve(linear).unknowns
     u = u + 1e-3 * np.abs(u).max() * np.random.default_rng(1).normal(size=u.shape)
-    for one, other in zip(judged(discretize(potential), u), judged(discretize(linear), u), strict=True):
+    for one, other in zip(
+        both_certificates(discretize(potential), u), both_certificates(discretize(linear), u), strict=True
+    ):
         assert one.margin == pytest.approx(other.margin, rel=1e-9)
         assert one.equilibrium == pytest.approx(other.equilibrium, rel=1e-9)
         # the search for a better pair, which linear bodies have, finds one
@@ -128,7 +130,7 @@ def test_scalar_problems_have_certificates_too() -> None:
     linear = discretize(replace(stated, material=Material.gradient(power.least, stated.kind)))
     weighted = problem.contact.trace.T @ (0.4 * problem.contact.weights[:, None] * problem.contact.trace.toarray())
     top = la.eigvalsh(weighted, linear.stiffness.toarray())[-1]
-    exactly, nearly = judged(problem, solution.unknowns, solution.multiplier)
+    exactly, nearly = both_certificates(problem, solution.unknowns, solution.multiplier)
     assert 0.0 < exactly.margin == pytest.approx(1.0 - top, rel=1e-7)
     assert 1.0 - top - 0.01 < nearly.margin <= 1.0 - top + 1e-9
     for found in (exactly, nearly):
@@ -140,7 +142,7 @@ def test_scalar_problems_have_certificates_too() -> None:
 # ---- the kind of a point --------------------------------------------------------------------------------------
 
 
-def column(law: Superpotential, down: float) -> ContactProblem:
+def hencky_column(law: Superpotential, down: float) -> ContactProblem:
     """A block of height 1 that can only become lower, its top held at ``-down``."""
     return ContactProblem(
         mesh=rectangle((1.0, 1.0), 16),
@@ -157,7 +159,7 @@ def slopes(e: float) -> tuple[float, float]:
     return 2.0 * SHEAR * (SOFTENED + (1.0 - SOFTENED) / root), -SHEAR * (1.0 - SOFTENED) / (STRAIN**2 * root**3)
 
 
-def force(e: float) -> float:
+def axial_stress(e: float) -> float:
     """Stress along that axis."""
     return BULK * e + slopes(e)[0] * 2.0 * e / 3.0
 
@@ -187,8 +189,8 @@ def test_of_three_solutions_the_one_between_is_none_that_stays(
 ) -> None:
     """The least curvature is that of the tangent at the solution, which dense matrices tell."""
     down = 0.08
-    s = brentq(lambda s: force(down - s) - pressure(s), low, high, xtol=1e-15)
-    problem = discretize(column(SNAP, down))
+    s = brentq(lambda s: axial_stress(down - s) - pressure(s), low, high, xtol=1e-15)
+    problem = discretize(hencky_column(SNAP, down))
     field = problem.field
     assert field is not None
     nodal = np.column_stack([np.zeros(len(field.nodes)), -s + (s - down) * field.nodes[:, 1]])
@@ -197,7 +199,7 @@ def test_of_three_solutions_the_one_between_is_none_that_stays(
     u = field.restrict(nodal)
     K, trace = matrix(problem, tangent(s - down)), problem.contact.trace.toarray()[::2]
     curvature = la.eigvalsh(K + slope * trace.T @ (problem.contact.weights[:, None] * trace), K)[0]
-    for found in judged(problem, u, lam):
+    for found in both_certificates(problem, u, lam):
         assert found.residual.relative < 1e-10
         assert found.kind is kind
         assert not found.margin > 0.0
@@ -228,8 +230,8 @@ class Unbounded(Hencky):
 
 @pytest.mark.parametrize("law", [SOFT, Compliance(3.0)])
 def test_a_sampled_bound_claims_nothing(law: Superpotential) -> None:
-    solution = solve(square(material=Sampled(BULK, SHEAR, SOFTENED, STRAIN), law=law))
-    for found in judged(solution.problem, solution.unknowns, solution.multiplier):
+    solution = solve(hencky_square(material=Sampled(BULK, SHEAR, SOFTENED, STRAIN), law=law))
+    for found in both_certificates(solution.problem, solution.unknowns, solution.multiplier):
         assert found.margin > 0.0
         assert found.unique is None
         assert found.kind is PointKind.LOCAL_MINIMISER
@@ -243,8 +245,8 @@ def test_a_sampled_bound_claims_nothing(law: Superpotential) -> None:
 
 @pytest.mark.parametrize("law", [SOFT, Compliance(3.0)])
 def test_without_a_lower_bound_there_is_neither_margin_nor_distance(law: Superpotential) -> None:
-    solution = solve(square(material=Unbounded(BULK, SHEAR, SOFTENED, STRAIN), law=law))
-    for found in judged(solution.problem, solution.unknowns, solution.multiplier):
+    solution = solve(hencky_square(material=Unbounded(BULK, SHEAR, SOFTENED, STRAIN), law=law))
+    for found in both_certificates(solution.problem, solution.unknowns, solution.multiplier):
         assert found.stationary
         assert found.margin == -np.inf
         assert found.error_bound == np.inf
@@ -257,10 +259,10 @@ def test_what_is_proved_for_some_strains_is_claimed_for_these() -> None:
     """Hencky's energy as a formula, whose bounds are proved by intervals up to a reach."""
     root = "(sqrt(1 + dev2/0.0025) - 1)"
     formula = f"{0.5 * BULK}*tr^2 + {SOFTENED * SHEAR}*dev2 + {2.0 * (1.0 - SOFTENED) * SHEAR * STRAIN**2}*{root}"
-    solution = solve(square(material=HENCKY, law=Compliance(3.0)))
+    solution = solve(hencky_square(material=HENCKY, law=Compliance(3.0)))
     for reach, known in ((5.0, True), (0.02, False)):
-        problem = discretize(square(material=Material.potential(formula, reach=reach), law=Compliance(3.0)))
-        for found in judged(problem, solution.unknowns, solution.multiplier):
+        problem = discretize(hencky_square(material=Material.potential(formula, reach=reach), law=Compliance(3.0)))
+        for found in both_certificates(problem, solution.unknowns, solution.multiplier):
             assert found.stationary
             assert found.kind is PointKind.LOCAL_MINIMISER
             assert found.error_bound_sampled
@@ -275,7 +277,7 @@ def test_what_is_proved_for_some_strains_is_claimed_for_these() -> None:
 
 def test_a_point_is_a_global_minimiser_only_where_the_body_is_proved_convex() -> None:
     for material, law in ((HENCKY, Compliance(3.0)), (Sampled(BULK, SHEAR, SOFTENED, STRAIN), Compliance(3.0))):
-        solution = solve(square(4, material=material, law=law))
+        solution = solve(hencky_square(4, material=material, law=law))
         problem = solution.problem
         kind = kind_of(problem, solution.unknowns, solution.multiplier, energy_norm(problem))
         assert kind is PointKind.LOCAL_MINIMISER
@@ -283,9 +285,9 @@ def test_a_point_is_a_global_minimiser_only_where_the_body_is_proved_convex() ->
 
 def test_units_do_not_matter() -> None:
     """Lengths in mm, stresses in Pa, for m and MPa."""
-    one = solve(square(4))
+    one = solve(hencky_square(4))
     other = replace(
-        square(4, Material.hencky(1e6 * BULK, 1e6 * SHEAR, SOFTENED, STRAIN), Softening(3e3, 20.0, 1e3)),
+        hencky_square(4, Material.hencky(1e6 * BULK, 1e6 * SHEAR, SOFTENED, STRAIN), Softening(3e3, 20.0, 1e3)),
         mesh=rectangle((1e3, 1e3), 4),
         contact={"bottom": Contact(Softening(3e3, 20.0, 1e3), Tresca(0.05e6))},
         tractions={"top": (0.05e6, -0.2e6)},

@@ -21,7 +21,7 @@ from tests.samples import sampled
 LEDGE = PiecewiseQuadratic([0.1, 0.3], [0.0, 0.0, 5.0], [0.2, 0.0])  # type: ignore[arg-type]
 
 
-def solved(
+def certified_block(
     contact: hv.Contact,
     supports: Mapping[str, Support],
     traction: object = (0.0, -1.0),
@@ -73,7 +73,7 @@ def test_no_minimiser_that_is_called_the_only_one_has_another_beside_it(seed: in
     off = float(rng.choice([0.0, 0.0, 0.3]))
     contact = hv.Contact(law, FRICTIONS[which], gap=lambda x: curved * (x[:, 0] - 1.0 - off) ** 2)
     cells = (int(rng.integers(1, 4)), 1)
-    problem, u, found = solved(contact, supports, (side, -1.0), cells=cells)
+    problem, u, found = certified_block(contact, supports, (side, -1.0), cells=cells)
     assert found.kind in (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER)
     assert (found.kind is PointKind.UNIQUE_MINIMISER) == (found.unique is True)
     least = min(rise(problem, u, size) / size for size in (1e-3, 1e-2))
@@ -85,13 +85,13 @@ def test_no_minimiser_that_is_called_the_only_one_has_another_beside_it(seed: in
 
 def test_the_motion_that_is_left_is_named() -> None:
     """Nothing holds the block along the plane; on a ledge it may sink and turn as well."""
-    *_, found = solved(hv.Contact(Signorini()), {})
+    *_, found = certified_block(hv.Contact(Signorini()), {})
     assert found.uniqueness == "the only one up to a rigid motion, translation (1, 0)"
     assert found.uniqueness in "\n".join(found.lines())
-    *_, held = solved(hv.Contact(Signorini()), {"left": hv.Fixed(x=0.0)})
+    *_, held = certified_block(hv.Contact(Signorini()), {"left": hv.Fixed(x=0.0)})
     assert held.unique is True
     assert held.kind is PointKind.UNIQUE_MINIMISER
-    *_, sinking = solved(hv.Contact(LEDGE), {"left": hv.Fixed(x=0.0)}, (0.0, -0.2))
+    *_, sinking = certified_block(hv.Contact(LEDGE), {"left": hv.Fixed(x=0.0)}, (0.0, -0.2))
     assert sinking.uniqueness == "the only one up to a rigid motion, translation (0, -1)"
 
 
@@ -99,11 +99,11 @@ def test_a_block_on_one_edge_rolls_and_on_two_stands() -> None:
     """A gap that leaves one node in touch leaves the rotation about it; two nodes hold it."""
     gap = lambda x: 0.5 * np.abs(x[:, 0] - 1.0)  # noqa: E731
     load = lambda x: np.column_stack([0.0 * x[:, 0], -1.0 + 0.0 * x[:, 0]])  # noqa: E731
-    *_, one = solved(hv.Contact(Signorini(), hv.Tresca(1.0), gap=gap), {}, load, size=(2.0, 1.0))
+    *_, one = certified_block(hv.Contact(Signorini(), hv.Tresca(1.0), gap=gap), {}, load, size=(2.0, 1.0))
     assert one.unique is None
     assert "rotation" in one.free_motion
     high = lambda x: 0.5 * (1.0 - np.abs(x[:, 0] - 1.0))  # noqa: E731
-    *_, two = solved(hv.Contact(Signorini(), hv.Tresca(1.0), gap=high), {}, load)
+    *_, two = certified_block(hv.Contact(Signorini(), hv.Tresca(1.0), gap=high), {}, load)
     assert two.unique is True
 
 
@@ -124,7 +124,7 @@ def test_in_space_a_cube_on_all_the_friction_there_is_may_go_on(length: float, f
 
 def test_friction_at_its_bound_lets_a_body_go_that_has_not_moved_yet() -> None:
     """Of all places along the plane the first one: there a node is at rest, with all the friction that it bears."""
-    problem, u, found = solved(hv.Contact(Signorini(), hv.Tresca(0.1)), {}, (0.1, -1.0))
+    problem, u, found = certified_block(hv.Contact(Signorini(), hv.Tresca(0.1)), {}, (0.1, -1.0))
     assert problem.field is not None
     along = problem.field.lift @ problem.model.free_motions.motions[:, [0]].toarray()[:, 0]
     slips = problem.local(u)[:, 1] / problem.local(along)[:, 1]
@@ -136,5 +136,5 @@ def test_friction_at_its_bound_lets_a_body_go_that_has_not_moved_yet() -> None:
 
 
 def test_a_body_at_rest_on_springs_that_only_push_may_rise() -> None:
-    *_, found = solved(hv.Contact(hv.Compliance(20.0)), {"left": hv.Fixed(x=0.0)}, (0.0, 0.0))
+    *_, found = certified_block(hv.Contact(hv.Compliance(20.0)), {"left": hv.Fixed(x=0.0)}, (0.0, 0.0))
     assert found.uniqueness == "the only one up to a rigid motion, translation (0, 1)"

@@ -16,7 +16,7 @@ from hemivar.gallery import survey
 from hemivar.laws import Compliance, ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, StateBound
 from hemivar.mechanics import Material
 from tests import bodies
-from tests.certificates.problems import bar_problem, softening, square, weakening
+from tests.certificates.problems import bar_problem, softening, survey_softening, weakening
 
 
 def test_bar() -> None:
@@ -32,7 +32,7 @@ def test_bar() -> None:
 @pytest.mark.parametrize("n", [4, 20])
 def test_constant_is_the_largest_eigenvalue(n: int) -> None:
     """Small and many contact points take different paths."""
-    problem = square(1.5, n=n, friction=Friction(0.05, weakening(0.4, 10.0)))
+    problem = survey_softening(1.5, n=n, friction=Friction(0.05, weakening(0.4, 10.0)))
     found = smallness(problem)
     B, K, w, d = (
         problem.contact.trace.toarray(),
@@ -107,7 +107,7 @@ def test_ellipticity(material: Material, expected: float) -> None:
     assert ellipticity(problem) == pytest.approx(expected, rel=5e-3)
 
 
-def pressed(bound: StateBound, load: tuple[float, float] = (1.0, 0.05)) -> DiscreteProblem:
+def weakening_point(bound: StateBound, load: tuple[float, float] = (1.0, 0.05)) -> DiscreteProblem:
     """Springs of stiffness 1, a foundation of stiffness 0.5, friction that weakens by 2 per length of slip."""
     law = ContactLaw(Compliance(0.5), Friction(bound, weakening(0.4, 2.0)))
     return DiscreteProblem.of_arrays(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)
@@ -115,8 +115,8 @@ def pressed(bound: StateBound, load: tuple[float, float] = (1.0, 0.05)) -> Discr
 
 def test_a_bound_that_no_penetration_changes_is_known_without_a_solution() -> None:
     """Its alpha is that of the profile times the bound; where the penetration counts nothing is known."""
-    assert smallness(pressed(PenetrationBound(([0.0, 1.0], [0.3, 0.3])))).alpha_tangential == pytest.approx(0.6)
-    found = smallness(pressed(PenetrationBound(([0.0, 1.0], [0.3, 0.4]))))
+    assert smallness(weakening_point(PenetrationBound(([0.0, 1.0], [0.3, 0.3])))).alpha_tangential == pytest.approx(0.6)
+    found = smallness(weakening_point(PenetrationBound(([0.0, 1.0], [0.3, 0.4]))))
     assert found.alpha_tangential == np.inf
     assert found.margin == -np.inf
 
@@ -124,7 +124,7 @@ def test_a_bound_that_no_penetration_changes_is_known_without_a_solution() -> No
 @pytest.mark.parametrize("rate", [0.05, 0.2, 0.25])
 def test_near_a_solution_the_bounds_of_all_solutions_are_known(rate: float) -> None:
     """u = 2/3 presses whatever the friction, which has then the bound 0.1 + 2/3 rate, and weakens by twice that."""
-    problem = pressed(PenetrationBound(([0.0, 1.0], [0.1, 0.1 + rate])))
+    problem = weakening_point(PenetrationBound(([0.0, 1.0], [0.1, 0.1 + rate])))
     u = np.array([2.0 / 3.0, 0.0])
     lam = np.array([[1.0 / 3.0, 0.05]])
     exact = 2.0 * (0.1 + 2.0 / 3.0 * rate)
@@ -174,7 +174,7 @@ def test_a_multiplier_that_is_given_counts(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_far_from_unique_no_bound_is_known() -> None:
-    problem = pressed(PenetrationBound(([0.0, 1.0], [0.0, 0.9])))
+    problem = weakening_point(PenetrationBound(([0.0, 1.0], [0.0, 0.9])))
     found = smallness(problem, displacement=np.array([2.0 / 3.0, 0.0]), multiplier=np.array([[1.0 / 3.0, 0.05]]))
     assert found.alpha_tangential == np.inf
     assert found.margin == -np.inf
@@ -252,7 +252,7 @@ def test_a_profile_that_jumps_under_a_bound_of_zero_softens_nothing() -> None:
 
 def test_pairs_beyond_the_largest_friction_bound_are_left_out() -> None:
     """A bound of 0.1 + 0.2 s at s = 2/3 is 7/30; what lies above the ceiling proves nothing."""
-    problem = pressed(PenetrationBound(([0.0, 1.0], [0.1, 0.3])))
+    problem = weakening_point(PenetrationBound(([0.0, 1.0], [0.1, 0.3])))
     u, lam = np.array([2.0 / 3.0, 0.0]), np.array([[1.0 / 3.0, 0.05]])
     here = 0.1 + 0.2 * 2.0 / 3.0
     point = Point(problem, EnergyNorm(problem.stiffness), u + np.array([0.0, 1e-3]), lam)

@@ -21,14 +21,14 @@ FRICTIONS = {
 }
 
 
-def pressed(friction: hv.laws.Friction, normal: hv.laws.Superpotential | None = None) -> ContactProblem:
+def softening_square(friction: hv.laws.Friction, normal: hv.laws.Superpotential | None = None) -> ContactProblem:
     normal = hv.Softening(40.0, 0.02, 40.0) if normal is None else normal
     return bodies.square(Contact(normal, friction), 3, body_force=(0.4, -0.8))
 
 
 def test_the_kind_is_that_of_the_bound_as_it_is() -> None:
     """The same point of the same bound, held fixed by hand, has the kind of an energy."""
-    solution = hv.solve(pressed(FRICTIONS["coulomb"]))
+    solution = hv.solve(softening_square(FRICTIONS["coulomb"]))
     problem = solution.problem
     fixed = problem.with_(law=problem.law.frozen(solution.local, solution.multiplier))
     kind = hv.certify(fixed, solution.unknowns, solution.multiplier).kind
@@ -43,7 +43,9 @@ def test_the_kind_is_that_of_the_bound_as_it_is() -> None:
 
 @pytest.mark.parametrize("kind", [PointKind.UNIQUE_SOLUTION, PointKind.UNIQUE_MINIMISER])
 def test_a_number_that_is_none_proves_nothing_and_gives_no_energy(kind: PointKind) -> None:
-    certificate = replace(hv.solve(pressed(FRICTIONS["tresca"])).certify(), kind=kind, unique=True, margin=np.nan)
+    certificate = replace(
+        hv.solve(softening_square(FRICTIONS["tresca"])).certify(), kind=kind, unique=True, margin=np.nan
+    )
     known = _known(certificate)
     assert known.unique is None
     assert known.kind.has_energy is kind.has_energy

@@ -128,7 +128,7 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
     ),
     "missing normal law": (
         changed(('normal = { law = "survey", q_max = 0.3, p_const = 2.0 }\n', "")),
-        ["[contact.bottom] normal", "is missing", "survey, signorini"],
+        ["[contact.bottom] normal", "is missing", "adhesive, bilateral"],
     ),
     "law without a name": (
         changed(('law = "tresca", ', "")),

@@ -12,11 +12,11 @@ from hemivar.cli import main
 from hemivar.files import solution_record
 from hemivar.mechanics import Material
 from hemivar.solvers import solve
-from tests.fem.test_locking import pressed
+from tests.fem.test_locking import on_springs
 
 
 def test_every_result_carries_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    problem = pressed(Material.young(10.0, 0.4999))
+    problem = on_springs(Material.young(10.0, 0.4999))
     found = solve(problem)
     certificate = certify(problem, found.unknowns, found.multiplier)
     assert found.warnings == certificate.warnings == problem.warnings

@@ -40,6 +40,7 @@ from hemivar.laws import (
     ViscousFoundation,
     Wear,
 )
+from hemivar.laws.registry import NORMAL_LAWS
 from hemivar.mechanics import ContactProblem, ScalarContact
 from hemivar.mesh import Mesh
 
@@ -56,7 +57,7 @@ __all__ = [
     "Problem",
     "Row",
     "at_rest",
-    "stated",
+    "problem_of_row",
 ]
 
 Problem = ContactProblem | hv.DiscreteProblem | FormProblem
@@ -79,7 +80,7 @@ def _tied_slopes(r: Array, s: Array) -> tuple[Array, Array]:
 
 
 #: Normal laws, each family once, with stiffness well below that of the bodies where they soften: one solution.
-NORMALS: Mapping[str, Superpotential | VectorLaw] = {
+NORMALS: dict[str, Superpotential | VectorLaw] = {
     "signorini": hv.Signorini(),
     "compliance": hv.Compliance(20.0, 2.0),
     "softening": hv.Softening(20.0, 0.02, 2.0),
@@ -96,6 +97,15 @@ NORMALS: Mapping[str, Superpotential | VectorLaw] = {
     "finite": FinitePenetration(20.0, 0.05),
     "bilateral": hv.laws.Bilateral(),
     "none": NoContact(),
+}
+#: Laws by name that another family stands for.
+LIKE = {
+    "survey": "compliance", "capped": "saw-tooth", "layered": "saw-tooth", "pressure-table": "table",
+}  # fmt: skip
+NORMALS |= {
+    name: entry.make(**entry.example).at(np.zeros((1, 2)))
+    for name, entry in NORMAL_LAWS.items()
+    if name not in LIKE and name not in {law.name for law in NORMALS.values()} and entry.example is not None
 }
 #: Those of the opening and the slip together, and those that hold a body that is drawn off.
 COUPLED = ("mixed-mode", "mode-dependent", "coupled-formula", "coupled-function")
@@ -343,7 +353,7 @@ FORMS = ("form", "mixed")
 SCALAR = ("membrane", "antiplane")
 
 
-def stated(row: Row, factor: float = 1.0) -> Problem:
+def problem_of_row(row: Row, factor: float = 1.0) -> Problem:
     """The problem of a combination, its load times a factor."""
     contact = hv.Contact(NORMALS[row.normal], FRICTIONS[row.friction], **BESIDE[row.beside])
     return BODIES[row.body](contact, factor * (1.0 if row.normal in GLUES else -1.0))
@@ -351,5 +361,5 @@ def stated(row: Row, factor: float = 1.0) -> Problem:
 
 def at_rest(row: Row, factor: float = 1.0) -> ContactProblem | hv.DiscreteProblem:
     """What is solved."""
-    found = stated(row, factor)
+    found = problem_of_row(row, factor)
     return found.discrete if isinstance(found, FormProblem) else found

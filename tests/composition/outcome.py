@@ -9,10 +9,10 @@ from tests.composition.cases import Row
 from tests.composition.rules import matching
 from tests.composition.tasks import TASKS
 
-__all__ = ["check"]
+__all__ = ["check_row"]
 
 
-def check(row: Row, folder: Path) -> None:
+def check_row(row: Row, folder: Path) -> None:
     """Nothing, where a combination works or is refused as it is listed.
 
     Raises

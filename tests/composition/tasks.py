@@ -22,7 +22,7 @@ from hemivar.discrete import Quadratic
 from hemivar.evolution import Checkpoint, Evolution, History, march
 from hemivar.fem.stress_stiffness import stiffens, stressed_problem
 from hemivar.solvers import METHODS, FixedPoint, ProximalNewton, Solution
-from tests.composition.cases import Problem, Row, at_rest, stated
+from tests.composition.cases import Problem, Row, at_rest, problem_of_row
 
 _MINIMISERS = (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER, PointKind.LOCAL_MINIMISER)
 
@@ -128,7 +128,7 @@ def _bracket(row: Row, folder: Path) -> None:
 
 
 def _evolution(row: Row, inertia: bool) -> Evolution:
-    return Evolution(stated(row), inertia=inertia)  # type: ignore[arg-type]
+    return Evolution(problem_of_row(row), inertia=inertia)  # type: ignore[arg-type]
 
 
 def _marched(evolution: Evolution, steps: int = _STEPS, until: float = _UNTIL, **more: object) -> History:
@@ -167,7 +167,7 @@ def _resume(row: Row, folder: Path) -> None:
 
 
 def _study(row: Row, folder: Path) -> None:
-    problem = stated(row)
+    problem = problem_of_row(row)
     found = hv.study(problem, 1, controls=_TOLERANCE)  # type: ignore[arg-type]
     alone = hv.solve(problem.on(problem.mesh.refined()), controls=_TOLERANCE)  # type: ignore[union-attr]
     _same(found.levels[-1].solution.displacement, alone.displacement)
@@ -175,7 +175,7 @@ def _study(row: Row, folder: Path) -> None:
 
 def _of_load(task: str, body: str, normal: str, friction: str, beside: str, factor: float) -> Problem:
     """A function that other processes can import."""
-    return stated(Row(task, body, normal, friction, beside), factor)
+    return problem_of_row(Row(task, body, normal, friction, beside), factor)
 
 
 def _axes(row: Row) -> dict[str, list[object]]:
@@ -238,7 +238,7 @@ def _answer(problem: object, row: Row) -> Array:
 
 
 def _pickle(row: Row, folder: Path) -> None:
-    problem = at_rest(row) if row.beside == "none" else stated(row)
+    problem = at_rest(row) if row.beside == "none" else problem_of_row(row)
     for again in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
         np.testing.assert_array_equal(_answer(again, row), _answer(problem, row))
     if row.beside == "none":
@@ -249,7 +249,7 @@ def _pickle(row: Row, folder: Path) -> None:
 
 
 def _file(row: Row, folder: Path) -> None:
-    problem = stated(row)
+    problem = problem_of_row(row)
     written = hv.write_problem(problem, folder / "problem.toml", beside=True)  # type: ignore[arg-type]
     _same(_answer(hv.read_problem(written), row), _answer(problem, row), 1e-9)
 

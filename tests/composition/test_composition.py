@@ -12,7 +12,7 @@ import hemivar as hv
 from tests.composition import outcome, rules
 from tests.composition.cases import Row
 from tests.composition.covering import every_pair, few_rows, pairs_of, refused_rows
-from tests.composition.outcome import check
+from tests.composition.outcome import check_row
 from tests.composition.page import PAGE, page
 from tests.composition.rules import FACTORS, RULES, matching, statable
 from tests.samples import sampled
@@ -34,18 +34,18 @@ REFUSED = refused_rows()
 
 @pytest.mark.parametrize("row", sampled(QUICK, BY_DEFAULT), ids=str)
 def test_what_works(row: Row, tmp_path: Path) -> None:
-    check(row, tmp_path)
+    check_row(row, tmp_path)
 
 
 @pytest.mark.parametrize("row", REFUSED, ids=str)
 def test_what_is_refused(row: Row, tmp_path: Path) -> None:
-    check(row, tmp_path)
+    check_row(row, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("row", every_pair(), ids=str)
 def test_every_two_levels(row: Row, tmp_path: Path) -> None:
-    check(row, tmp_path)
+    check_row(row, tmp_path)
 
 
 def test_every_two_levels_that_can_meet_do() -> None:
@@ -79,7 +79,7 @@ def test_the_page_of_the_docs_says_so() -> None:
 def test_a_fault_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrong answer, an error that is none of the library's, a refusal in other words, one that is not listed."""
     row = Row("solve")
-    check(row, tmp_path)
+    check_row(row, tmp_path)
     solve = hv.solve
 
     def wrong(*arguments: object, **options: object) -> hv.Solution:
@@ -89,21 +89,21 @@ def test_a_fault_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     with monkeypatch.context() as patch:
         patch.setattr("tests.composition.tasks._by_another_method", lambda solution: wrong(solution.problem))
         with pytest.raises(AssertionError, match="apart"):
-            check(row, tmp_path)
+            check_row(row, tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(outcome, "TASKS", {"solve": lambda row, folder: 1 / 0})
         with pytest.raises(ZeroDivisionError):
-            check(row, tmp_path)
+            check_row(row, tmp_path)
     listed = Row("path", "nonlinear", "saw-tooth")
     with monkeypatch.context() as patch:
         patch.setattr(rules, "RULES", ())
         with pytest.raises(AssertionError, match=r"is refused: .* drops discontinuously"):
-            check(listed, tmp_path)
+            check_row(listed, tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(rules, "RULES", (rules.Rule("other words", "", ("path",), ("nonlinear",)),))
         with pytest.raises(AssertionError, match="in other words"):
-            check(listed, tmp_path)
+            check_row(listed, tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(rules, "RULES", (rules.Rule("anything", "", ("solve",)),))
         with pytest.raises(AssertionError, match="is listed as refused"):
-            check(row, tmp_path)
+            check_row(row, tmp_path)

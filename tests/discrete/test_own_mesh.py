@@ -19,7 +19,7 @@ FRICTION = replace(
 )
 
 
-def block() -> hv.ContactProblem:
+def rubbing_cube() -> hv.ContactProblem:
     mesh = hv.box((1.0, 1.0, 1.0), (2, 2, 2))
     return hv.ContactProblem(
         mesh=mesh,
@@ -64,7 +64,7 @@ def arrays_of(stated: DiscreteProblem, turn: float = 1.0) -> DiscreteProblem:
 
 
 @pytest.mark.parametrize(
-    "statement", [FRICTION, replace(FRICTION, order=2), block()], ids=["linear", "quadratic", "solid"]
+    "statement", [FRICTION, replace(FRICTION, order=2), rubbing_cube()], ids=["linear", "quadratic", "solid"]
 )
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 def test_own_arrays_with_a_mesh_give_what_the_statement_gives(statement: hv.ContactProblem, turn: float) -> None:
@@ -123,7 +123,7 @@ def test_a_mesh_that_does_not_fit_is_refused_with_the_place() -> None:
 
 
 def test_a_huge_number_of_an_unknown_is_refused_before_anything_is_counted() -> None:
-    given = given_by(hv.discretize(block()))
+    given = given_by(hv.discretize(rubbing_cube()))
     numbers = given["numbering"].copy()
     for wrong in (10**9, np.iinfo(np.int64).max, -2):
         numbers[0, 0] = wrong

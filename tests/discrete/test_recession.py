@@ -156,7 +156,7 @@ def test_laws_that_pull_the_less_the_farther_they_open() -> None:
     assert min(seen.values()) > 3
 
 
-def statement(mesh: Mesh, matrix: np.ndarray, seed: int, units: float = 1.0) -> ContactProblem:
+def random_statement(mesh: Mesh, matrix: np.ndarray, seed: int, units: float = 1.0) -> ContactProblem:
     """A random body, turned by a matrix, in other units of length and force."""
     rng = np.random.default_rng(seed)
     dim = mesh.dim
@@ -195,7 +195,7 @@ def turned_by(dim: int, seed: int) -> np.ndarray:
     return np.array([[c, -s], [s, c]])
 
 
-def refused(problem: ContactProblem) -> bool:
+def free_to_move(problem: ContactProblem) -> bool:
     try:
         discretize(problem)
     except ProblemError as error:
@@ -208,15 +208,15 @@ def test_turned_bodies_fly_off_as_the_upright_ones_do(dim: int, seeds: int, leas
     mesh = rectangle((1.0, 1.4), (3, 4)) if dim == 2 else box((1.0, 1.4, 0.8), (2, 2, 2))
     count = {True: 0, False: 0}
     for seed in range(seeds):
-        problem = statement(mesh, turned_by(dim, seed), seed)
-        upright = discretize(statement(mesh, np.eye(dim), seed), check_coercivity=False)
+        problem = random_statement(mesh, turned_by(dim, seed), seed)
+        upright = discretize(random_statement(mesh, np.eye(dim), seed), check_coercivity=False)
         assert upright.field is not None
         growths = free_growth(upright, upright.model.free_motions)
         least = min((least_growth(growth) for growth in growths), default=np.inf)
         if least < 1e-6 and least > -1e-6:
             continue  # nothing holds it, nothing pushes it: refused in words, tested elsewhere
-        assert refused(problem) is (least < 0.0), seed
-        assert refused(statement(mesh, turned_by(dim, seed), seed, units=1e-3)) is (least < 0.0), seed
+        assert free_to_move(problem) is (least < 0.0), seed
+        assert free_to_move(random_statement(mesh, turned_by(dim, seed), seed, units=1e-3)) is (least < 0.0), seed
         count[least < 0.0] += 1
     assert min(count.values()) > least_seen
 

@@ -112,7 +112,7 @@ def test_a_cone_that_is_cut_off_takes_up_the_most_of_its_edges_by_hand() -> None
         assert growth(np.array(z, dtype=float))[0] == taken
 
 
-def block(
+def drawn_block(
     pull: tuple[float, ...], friction: Friction, normal: hv.laws.Superpotential | None = None
 ) -> hv.ContactProblem:
     space = len(pull) == 2
@@ -129,13 +129,13 @@ def along(angle: float, size: float) -> tuple[float, float]:
 def test_the_cone_is_round(angle: float) -> None:
     """Held up to the limit in every direction of the pull; beyond it the message gives the excess, not all friction."""
     for short in (1e-2, 2e-6):
-        found = hv.discretize(block(along(angle, (1.0 - short) * MU), hv.Coulomb(MU)))
+        found = hv.discretize(drawn_block(along(angle, (1.0 - short) * MU), hv.Coulomb(MU)))
         assert BY_FRICTION in found.warnings
         assert found.balanced_by_friction
         assert not found.held
     for excess in (2e-6, 1e-4):
         with pytest.raises(hv.errors.SupportError, match="free to move: the loads exceed") as caught:
-            hv.discretize(block(along(angle, (1.0 + excess) * MU), hv.Coulomb(MU)))
+            hv.discretize(drawn_block(along(angle, (1.0 + excess) * MU), hv.Coulomb(MU)))
         (falls,) = re.findall(r"falls by ([\d.e+-]+) per", str(caught.value))
         assert 0.5 * excess * MU <= float(falls) <= 1.5 * excess * MU  # the motion has components of one at most
 
@@ -143,7 +143,7 @@ def test_the_cone_is_round(angle: float) -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_what_is_at_the_limit_of_friction_is_left_to_the_solve(dim: int) -> None:
     pull = (MU,) if dim == 2 else along(0.7, MU)
-    found = hv.discretize(block(pull, hv.Coulomb(MU)))
+    found = hv.discretize(drawn_block(pull, hv.Coulomb(MU)))
     assert AT_LIMIT in found.warnings
     assert not found.balanced_by_friction
     assert not found.held
@@ -152,10 +152,10 @@ def test_what_is_at_the_limit_of_friction_is_left_to_the_solve(dim: int) -> None
 def test_the_ellipse_of_orthotropic_friction_holds() -> None:
     friction = OrthotropicFriction(CoulombBound(0.5), ratio=0.5, axis=(1.0, 0.0, 0.0))
     for pull in ((0.0, 0.24), (0.34, 0.17)):
-        hv.discretize(block(pull, friction))
+        hv.discretize(drawn_block(pull, friction))
     for pull in ((0.51, 0.0), (0.36, 0.18)):
         with pytest.raises(hv.errors.SupportError, match="free to move"):
-            hv.discretize(block(pull, friction))
+            hv.discretize(drawn_block(pull, friction))
 
 
 BEDDINGS = {
@@ -170,28 +170,28 @@ BEDDINGS = {
 def test_a_foundation_of_some_strength_holds_by_friction(name: str) -> None:
     """As Tresca's law of a bound that the pressure nowhere falls short of; refused beyond the coefficient."""
     normal = BEDDINGS[name]
-    found = hv.solve(block((0.1,), hv.Coulomb(0.5), normal))
+    found = hv.solve(drawn_block((0.1,), hv.Coulomb(0.5), normal))
     assert found.status is hv.Status.CONVERGED
     np.testing.assert_allclose(found.on("bottom").force, [-0.2, 2.0], rtol=1e-8)
     assert (NO_MINIMUM in found.warnings) is (name in ("softening", "breaks"))
     with pytest.raises(hv.errors.SupportError, match=r"falls by 0\.0002 per"):
-        hv.discretize(block((0.5001,), hv.Coulomb(0.5), normal))
+        hv.discretize(drawn_block((0.5001,), hv.Coulomb(0.5), normal))
 
 
 def test_a_foundation_bears_its_strength_and_no_more_beside_its_friction() -> None:
     """A pressure of one on a plateau of 1.02, and of 0.98."""
-    found = hv.discretize(block((1e-3,), hv.Coulomb(0.5), hv.laws.Capped(10.0, 0.102, 1.0)))
+    found = hv.discretize(drawn_block((1e-3,), hv.Coulomb(0.5), hv.laws.Capped(10.0, 0.102, 1.0)))
     assert BY_FRICTION in found.warnings
     with pytest.raises(hv.errors.SupportError, match="free to move: the loads exceed"):
-        hv.discretize(block((1e-3,), hv.Coulomb(0.5), hv.laws.Capped(10.0, 0.098, 1.0)))
+        hv.discretize(drawn_block((1e-3,), hv.Coulomb(0.5), hv.laws.Capped(10.0, 0.098, 1.0)))
 
 
 def test_friction_that_weakens_holds_at_rest() -> None:
     """Between the kinetic and the static coefficient, as with a bound that does not depend on the pressure."""
     friction = hv.laws.StaticKinetic(CoulombBound(0.5), 0.01, 1.0, 0.4)
-    found = hv.solve(block((0.45,), friction))
+    found = hv.solve(drawn_block((0.45,), friction))
     assert found.status is hv.Status.CONVERGED
     np.testing.assert_allclose(found.on("bottom").force, [-0.9, 2.0], rtol=1e-8)
     assert np.abs(found.slip).max() < 0.01
     with pytest.raises(hv.errors.SupportError, match="free to move"):
-        hv.discretize(block((0.55,), friction))
+        hv.discretize(drawn_block((0.55,), friction))

@@ -36,11 +36,11 @@ def joined(*meshes: Mesh, digits: int = 9) -> Mesh:
     return Mesh(points[keep], cells, boundaries)
 
 
-def square(x: float, y: float, cells: int = 3, size: float = 1.0) -> Mesh:
+def square_at(x: float, y: float, cells: int = 3, size: float = 1.0) -> Mesh:
     return rectangle((size, size), cells).moved(np.eye(2), (x, y))
 
 
-def cube(x: float, y: float, z: float, cells: int = 2) -> Mesh:
+def cube_at(x: float, y: float, z: float, cells: int = 2) -> Mesh:
     return box((1.0, 1.0, 1.0), (cells, cells, cells)).moved(np.eye(3), (x, y, z))
 
 
@@ -53,15 +53,15 @@ def kernel_size(problem: DiscreteProblem) -> int:
 
 
 SHAPES = {
-    "one": (lambda: square(0, 0), 1),
-    "apart": (lambda: joined(square(0, 0), square(2, 0)), 2),
-    "at a corner": (lambda: joined(square(0, 0), square(1, 1)), 2),
-    "chain": (lambda: joined(square(0, 0), square(1, 1), square(2, 0), square(3, 1)), 4),
-    "ring": (lambda: joined(square(0, 0), square(1, 1), square(0, 2), square(-1, 1)), 4),
-    "cubes apart": (lambda: joined(cube(0, 0, 0), cube(3, 0, 0)), 2),
-    "at an edge": (lambda: joined(cube(0, 0, 0), cube(1, 1, 0)), 2),
-    "at a vertex": (lambda: joined(cube(0, 0, 0), cube(1, 1, 1)), 2),
-    "edge and vertex": (lambda: joined(cube(0, 0, 0), cube(1, 1, 0), cube(2, 2, 1)), 3),
+    "one": (lambda: square_at(0, 0), 1),
+    "apart": (lambda: joined(square_at(0, 0), square_at(2, 0)), 2),
+    "at a corner": (lambda: joined(square_at(0, 0), square_at(1, 1)), 2),
+    "chain": (lambda: joined(square_at(0, 0), square_at(1, 1), square_at(2, 0), square_at(3, 1)), 4),
+    "ring": (lambda: joined(square_at(0, 0), square_at(1, 1), square_at(0, 2), square_at(-1, 1)), 4),
+    "cubes apart": (lambda: joined(cube_at(0, 0, 0), cube_at(3, 0, 0)), 2),
+    "at an edge": (lambda: joined(cube_at(0, 0, 0), cube_at(1, 1, 0)), 2),
+    "at a vertex": (lambda: joined(cube_at(0, 0, 0), cube_at(1, 1, 1)), 2),
+    "edge and vertex": (lambda: joined(cube_at(0, 0, 0), cube_at(1, 1, 0), cube_at(2, 2, 1)), 3),
 }
 
 
@@ -91,7 +91,7 @@ def test_motions_are_the_kernel_of_the_stiffness(shape: str, support: str, order
 
 
 def test_refined_and_moved_meshes_have_the_parts_of_the_coarse_one() -> None:
-    mesh = joined(square(0, 0), square(1, 1)).refined(2).rotated(0.3)
+    mesh = joined(square_at(0, 0), square_at(1, 1)).refined(2).rotated(0.3)
     assert mesh.parts.count == 2
     assert rectangle((1.0, 1.0), 32).parts.count == 1
     assert set(mesh.parts.cell) == {0, 1}
@@ -99,7 +99,7 @@ def test_refined_and_moved_meshes_have_the_parts_of_the_coarse_one() -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_part_that_nothing_holds_is_named(dim: int) -> None:
-    mesh = joined(square(0, 0), square(2, 0)) if dim == 2 else joined(cube(0, 0, 0), cube(3, 0, 0))
+    mesh = joined(square_at(0, 0), square_at(2, 0)) if dim == 2 else joined(cube_at(0, 0, 0), cube_at(3, 0, 0))
     load = DOWN if dim == 2 else (0.0, 0.0, -0.5)
     problem = ContactProblem(mesh, MATERIAL, {}, {"left0": Clamped()}, body_force=load)
     with pytest.raises(ProblemError, match=r"part [12] of 2 of the body, around x = \((2|3)\..*free to move") as caught:
@@ -112,11 +112,11 @@ def test_a_part_that_nothing_holds_is_named(dim: int) -> None:
 
 
 def test_a_part_on_a_hinge_is_named_with_its_joint() -> None:
-    mesh = joined(square(0, 0), square(1, 1))
+    mesh = joined(square_at(0, 0), square_at(1, 1))
     problem = ContactProblem(mesh, MATERIAL, {}, {"left0": Clamped()}, body_force=DOWN)
     with pytest.raises(ProblemError, match=r"joined to others at x = \(1, 1\) only.*rotation"):
         discretize(problem)
-    edge = ContactProblem(joined(cube(0, 0, 0), cube(1, 1, 0)), MATERIAL, {}, {"left0": Clamped()})
+    edge = ContactProblem(joined(cube_at(0, 0, 0), cube_at(1, 1, 0)), MATERIAL, {}, {"left0": Clamped()})
     with pytest.raises(ProblemError, match=r"joined to others at x = .* only.*rotation.*in balance"):
         discretize(edge)
 
@@ -125,7 +125,7 @@ def test_a_part_on_a_hinge_is_named_with_its_joint() -> None:
 def test_a_mechanism_that_no_contact_point_sees_is_refused_before_any_work(method: hv.Solver) -> None:
     """Even where discretisation was told to let it pass, at any angle: pivots of rounding size do not count."""
     for angle in (0.0, 0.05, 0.7):
-        mesh = joined(square(0, 0), square(1, 1)).rotated(angle)
+        mesh = joined(square_at(0, 0), square_at(1, 1)).rotated(angle)
         contact = {"right0": Contact(Compliance(1.0))}
         for loads in ({"body_force": DOWN}, {"tractions": {"top0": (0.1, -0.2)}}):  # the second leaves it in balance
             statement = ContactProblem(mesh, MATERIAL, contact, {"left0": Clamped()}, **loads)
@@ -148,7 +148,7 @@ def resultant(problem: DiscreteProblem, solution: hv.Solution, part: int) -> np.
 @pytest.mark.parametrize("law", [Signorini(), Compliance(3.0), ThresholdCompliance(0.8, 2.0)])
 def test_parts_that_contact_holds_are_solved(method: hv.Solver | None, law: hv.laws.Superpotential) -> None:
     """Two blocks beside one another, each under its own weight, on a rough foundation; one is clamped as well."""
-    mesh = joined(square(0, 0, 4), square(2, 0, 4))
+    mesh = joined(square_at(0, 0, 4), square_at(2, 0, 4))
     contact = Contact(law, Tresca(0.4))
     statement = ContactProblem(
         mesh, MATERIAL, {"bottom0": contact, "bottom1": contact}, {"left0": Clamped()}, body_force=(0.1, -0.5)
@@ -167,7 +167,7 @@ def test_parts_that_contact_holds_are_solved(method: hv.Solver | None, law: hv.l
 
 def test_a_lever_on_a_hinge_that_contact_holds() -> None:
     """A square hangs at a corner of a clamped one and leans on a wall, whose force balances moments about the hinge."""
-    mesh = joined(square(0, 0, 4), square(1, 1, 4))
+    mesh = joined(square_at(0, 0, 4), square_at(1, 1, 4))
     wall = Contact(Bilateral())
     statement = ContactProblem(mesh, MATERIAL, {"right1": wall}, {"left0": Clamped()}, body_force=DOWN)
     problem = discretize(statement)
@@ -267,7 +267,7 @@ def test_coefficients_say_what_each_part_does(shape: str, support: str) -> None:
 
 def test_what_hangs_on_held_parts_is_held_and_what_hangs_on_one_joint_is_not() -> None:
     """A row of squares joined at corners: the clamped end holds itself alone; both ends hold a triangle of joints."""
-    row = [square(0, 0), square(1, 1), square(2, 0)]
+    row = [square_at(0, 0), square_at(1, 1), square_at(2, 0)]
     for names, count in ((("left0",), 2), (("left0", "right2"), 0)):
         statement = ContactProblem(joined(*row), MATERIAL, {}, {name: Clamped() for name in names})
         problem = discretize(statement, check_coercivity=False)

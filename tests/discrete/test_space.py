@@ -20,7 +20,7 @@ from tests import bodies
 MESH = hv.rectangle((1.0, 1.0), 8)
 
 
-def membrane(scale: float = 1.0, push: float = 2.0, gap: float = 0.05) -> DiscreteProblem:
+def stretched_membrane(scale: float = 1.0, push: float = 2.0, gap: float = 0.05) -> DiscreteProblem:
     """A membrane over the unit square, held at its rim, pushed towards a rigid plane under it.
 
     ``scale`` stretches the unknowns, so that the basis is not orthonormal.
@@ -48,7 +48,7 @@ def membrane(scale: float = 1.0, push: float = 2.0, gap: float = 0.05) -> Discre
 
 @pytest.mark.parametrize("method", ["newton", "multigrid"])
 def test_a_membrane_on_a_plane(method: str) -> None:
-    problem = membrane()
+    problem = stretched_membrane()
     found = hv.solve(problem, hv.solvers.METHODS[method]).raise_for_status()
     assert problem.space is not None
     deflection = problem.space["deflection"].full(found.unknowns)
@@ -68,7 +68,7 @@ def test_a_membrane_on_a_plane(method: str) -> None:
 
 
 def test_a_basis_need_not_be_orthonormal() -> None:
-    plain, stretched = membrane(), membrane(scale=3.0)
+    plain, stretched = stretched_membrane(), stretched_membrane(scale=3.0)
     one, other = hv.solve(plain), hv.solve(stretched)
     np.testing.assert_allclose(3.0 * other.unknowns, one.unknowns, rtol=1e-9, atol=1e-13)
     assert plain.field is not None
@@ -83,7 +83,7 @@ def test_a_basis_need_not_be_orthonormal() -> None:
 def test_a_softening_membrane_has_the_same_margin_in_any_basis() -> None:
     margins = []
     for scale in (1.0, 0.2):
-        problem = membrane(scale)
+        problem = stretched_membrane(scale)
         problem = problem.with_(law=ContactLaw(hv.laws.ThresholdCompliance(0.1, 3.0)).at(problem.contact.points))
         found = hv.solve(problem)
         margins.append(hv.certify(problem, found.unknowns, found.multiplier).smallness.margin)

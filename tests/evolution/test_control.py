@@ -23,7 +23,7 @@ def lifted(x: Array, t: float) -> Array:
     return np.tile([0.0, t], (len(x), 1))
 
 
-def column(fall: float, load: object = lifted) -> hv.ContactProblem:
+def glued_column(fall: float, load: object = lifted) -> hv.ContactProblem:
     """A column on glue that softens by ``fall``, pulled at its free top by a dead load of t."""
     contact = hv.Contact(hv.Adhesive(STIFF, STRENGTH, fall, 72.0))
     return bodies.column(contact, stiffness=SPRING, top=None, tractions={"top": load})  # type: ignore[dict-item]
@@ -31,7 +31,7 @@ def column(fall: float, load: object = lifted) -> hv.ContactProblem:
 
 def followed(fall: float, until: float, step: float, control: object, **more: object) -> History:
     options = {"save": Save(probes={"top": (0.5, 1.0)}), "controls": TIGHT} | more
-    problem = options.pop("problem", None) or column(fall)
+    problem = options.pop("problem", None) or glued_column(fall)
     return march(Evolution(problem), until, step=step, control=control, **options)  # type: ignore[arg-type]
 
 
@@ -181,7 +181,7 @@ def test_a_boundary_opens_as_the_load_grows_wherever_it_does(other: dict[str, ob
 
 
 def test_a_load_that_closes_the_boundary_whose_opening_is_given_is_refused() -> None:
-    pressed = Evolution(column(6.0, lambda x, t: lifted(x, -t)))
+    pressed = Evolution(glued_column(6.0, lambda x, t: lifted(x, -t)))
     with pytest.raises(ProblemError, match="needs loads that open 'bottom' as t grows"):
         march(pressed, 0.3, step=0.02, control={"opening": "bottom"})
 
@@ -192,8 +192,8 @@ def waving(x: Array, t: float) -> Array:
 
 def test_a_load_that_bends_between_or_beyond_the_times_looked_at_is_refused() -> None:
     with pytest.raises(ProblemError, match="bends over t, at t = "):
-        march(Evolution(column(6.0, waving)), 1.0, step=0.1, control="dissipation")
-    capped = column(6.0, lambda x, t: lifted(x, min(t, 0.5)))
+        march(Evolution(glued_column(6.0, waving)), 1.0, step=0.1, control="dissipation")
+    capped = glued_column(6.0, lambda x, t: lifted(x, min(t, 0.5)))
     history = march(Evolution(capped), 0.3, step=0.02, control={"opening": "bottom"})
     assert history.ended == "refused"
     assert "bends over t, at t = 0.96" in history.messages[-1]
@@ -235,8 +235,8 @@ CASES = {
     "scheme": (lambda: Evolution(plain()), {"scheme": "sdirk2"}, "goes with the scheme implicit-euler"),
     "adaptive": (lambda: Evolution(plain()), {"step": AdaptiveStep(1e-3)}, "give a length of steps"),
     "jump": (lambda: Evolution(plain()), {"jump": "arc-length"}, "jump = 'arc-length' would choose one"),
-    "bent": (lambda: Evolution(column(6.0, lambda x, t: np.tile([0.0, t * t], (len(x), 1)))), {}, "bends over t"),
-    "constant": (lambda: Evolution(column(6.0, (0.0, 1.0))), {}, "grows with t"),
+    "bent": (lambda: Evolution(glued_column(6.0, lambda x, t: np.tile([0.0, t * t], (len(x), 1)))), {}, "bends over t"),
+    "constant": (lambda: Evolution(glued_column(6.0, (0.0, 1.0))), {}, "grows with t"),
     "damping": (
         lambda: Evolution(bodies.column(
             hv.Contact(hv.Compliance(1.0), damping=hv.Compliance(1.0)), top=None, tractions={"top": lifted}

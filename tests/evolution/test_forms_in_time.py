@@ -38,7 +38,7 @@ def weight(v: Any, w: Any) -> Any:
     return 0.1 * v[0] - 0.3 * v[1]
 
 
-def block(**more: Any) -> FormBody:
+def form_block(**more: Any) -> FormBody:
     basis = skfem.Basis(grid(skfem.MeshTri, 4), skfem.ElementVector(skfem.ElementTriP1()))
     stated = {"load": weight, "supports": {"top": {"u^1": 0.0, "u^2": -0.02}}, "mass": mass, "viscosity": viscosity}
     return FormBody(basis, elastic, **(stated | more))
@@ -71,7 +71,7 @@ RUBS = hv.Contact(hv.Compliance(20.0), hv.Coulomb(0.3))
 @pytest.mark.parametrize("inertia", [True, False])
 def test_linear_triangles_march_as_those_of_the_library(contact: hv.Contact, inertia: bool) -> None:
     start = (0.0, -0.02) if inertia else None
-    found = march(Evolution(FormProblem(block(), {"bottom": contact}), inertia, start), 0.4, step=0.05)
+    found = march(Evolution(FormProblem(form_block(), {"bottom": contact}), inertia, start), 0.4, step=0.05)
     own = march(Evolution(own_block(contact, (0.0, -0.02)), inertia, start), 0.4, step=0.05)
     alike(found, own)
     assert found.uniqueness == own.uniqueness
@@ -92,7 +92,7 @@ def test_loads_supports_gaps_and_laws_follow_the_time(inertia: bool) -> None:
         return (1.0 + t) * np.broadcast_to([0.1, -0.3], x.shape)
 
     contact = hv.Contact(hv.Compliance(lambda x, t: 20.0 + 10.0 * t + 0.0 * x[:, 0]), hv.Tresca(0.01), gap=rises)
-    body = block(supports={"top": {"u^1": 0.0, "u^2": down}})
+    body = form_block(supports={"top": {"u^1": 0.0, "u^2": down}})
     stated = FormProblem(body, {"bottom": contact}, factor=lambda t: 1.0 + t)
     assert stated.time_dependent == {"load", "supports", "gap", "law"}
     found = march(Evolution(stated, inertia), 0.4, step=0.05)
@@ -102,7 +102,7 @@ def test_loads_supports_gaps_and_laws_follow_the_time(inertia: bool) -> None:
 
 
 def test_an_elastic_body_marches_without_mass_and_viscosity() -> None:
-    body = block(mass=None, viscosity=None)
+    body = form_block(mass=None, viscosity=None)
     found = march(Evolution(FormProblem(body, {"bottom": RUBS}, factor=lambda t: t)), 1.0, step=0.25)
 
     def pull(x: Array, t: float) -> Array:
@@ -113,7 +113,7 @@ def test_an_elastic_body_marches_without_mass_and_viscosity() -> None:
 
 @pytest.mark.parametrize("viscous", [True, False])
 def test_a_body_of_forms_says_whether_it_is_linear_and_resists(viscous: bool) -> None:
-    forms = FormProblem(block() if viscous else block(viscosity=None), {"bottom": RUBS})
+    forms = FormProblem(form_block() if viscous else form_block(viscosity=None), {"bottom": RUBS})
     own = own_block(RUBS, (0.0, 0.0), viscous=viscous)
     for inertia in (False, True):
         one, other = (Evolution(stated, inertia) for stated in (forms, own))
@@ -123,7 +123,7 @@ def test_a_body_of_forms_says_whether_it_is_linear_and_resists(viscous: bool) ->
 # ---- bars in closed form --------------------------------------------------------------------------------------------
 
 
-def bar(n: int, element: Any = skfem.ElementQuad1) -> FormBody:
+def wave_bar(n: int, element: Any = skfem.ElementQuad1) -> FormBody:
     """Of length 1 and waves of speed 1, that shortens and lengthens alone; ``left`` is free or held by its contact."""
     mesh = skfem.MeshQuad.init_tensor(np.linspace(0.0, 1.0, n + 1), np.linspace(0.0, 0.1, 2))
     mesh = mesh.with_boundaries(
@@ -141,7 +141,7 @@ def test_the_frequency_of_a_bar_held_at_one_end(element: Any, n: int, order: int
     """sin(pi x / 2) has the period 4; three quarters of it on it passes zero."""
     errors = []
     for cells in (n, 2 * n):
-        whole = bar(cells, element)
+        whole = wave_bar(cells, element)
         body = FormBody(
             whole.basis, whole.form, supports={"left": {"u^1": 0.0}}, fixed=whole.fixed, mass=whole.mass
         )  # fmt: skip
@@ -162,7 +162,7 @@ def test_the_frequency_of_a_bar_held_at_one_end(element: Any, n: int, order: int
 
 def test_a_bar_that_hits_a_foundation_leaves_it_after_two_passages_of_the_wave() -> None:
     """Speed 0.1 on a stiff foundation: pressure 0.1, contact for a time of 2, back with the same speed."""
-    stated = FormProblem(bar(60), {"left": hv.Contact(hv.Compliance(200.0))})
+    stated = FormProblem(wave_bar(60), {"left": hv.Contact(hv.Compliance(200.0))})
     evolution = Evolution(stated, True, velocity=(-0.1, 0.0))
     history = march(evolution, 2.5, step=1.0 / 120.0, scheme=Midpoint(conserving=True))
     assert history.ended == "finished"
@@ -194,7 +194,7 @@ def test_a_bar_that_hits_a_foundation_leaves_it_after_two_passages_of_the_wave()
 )
 def test_bad_bodies_in_time_are_told(body: dict[str, Any], evolution: dict[str, Any], words: str) -> None:
     with pytest.raises(hv.errors.ProblemError, match=words):
-        march(Evolution(FormProblem(block(**body), {"bottom": RUBS}), **evolution), 0.1, step=0.1)
+        march(Evolution(FormProblem(form_block(**body), {"bottom": RUBS}), **evolution), 0.1, step=0.1)
 
 
 def test_masses_that_are_not_symmetric_or_negative_are_told() -> None:
@@ -202,7 +202,7 @@ def test_masses_that_are_not_symmetric_or_negative_are_told() -> None:
     negative = skfem.BilinearForm(lambda u, v, w: -dot(u, v))
     for form, words in ((skew, "mass of the body is not symmetric"), (negative, "negative numbers")):
         with pytest.raises(hv.errors.ProblemError, match=words):
-            march(Evolution(FormProblem(block(mass=form), {"bottom": RUBS}), True), 0.1, step=0.1)
+            march(Evolution(FormProblem(form_block(mass=form), {"bottom": RUBS}), True), 0.1, step=0.1)
 
 
 def test_bodies_with_multipliers_and_memory_at_rest_are_told() -> None:
@@ -211,8 +211,8 @@ def test_bodies_with_multipliers_and_memory_at_rest_are_told() -> None:
         march(Evolution(FormProblem(body, {"bottom": hv.Contact(hv.Compliance(1.0))})), 0.1, step=0.1)
     remembers = hv.Contact(hv.Compliance(1.0), damping=hv.Compliance(1.0))
     with pytest.raises(hv.errors.ProblemError, match="means something in time only"):
-        block().problem({"bottom": remembers})
-    history = march(Evolution(FormProblem(block(), {"bottom": remembers})), 0.2, step=0.1)
+        form_block().problem({"bottom": remembers})
+    history = march(Evolution(FormProblem(form_block(), {"bottom": remembers})), 0.2, step=0.1)
     assert history.ended == "finished"
 
 
@@ -223,7 +223,7 @@ def test_supports_that_move_contact_points(inertia: bool) -> None:
     def moves(x: Array, t: float) -> Array:
         return np.tile([0.03 * t, -0.05 * t], (len(x), 1))
 
-    body = block(supports={"left": {"u^1": lambda x, t: 0.03 * t, "u^2": lambda x, t: -0.05 * t}})
+    body = form_block(supports={"left": {"u^1": lambda x, t: 0.03 * t, "u^2": lambda x, t: -0.05 * t}})
     found = march(Evolution(FormProblem(body, {"bottom": RUBS}), inertia), 0.4, step=0.05)
     stated = replace(own_block(RUBS, (0.0, 0.0)), supports={"left": hv.Prescribed(moves)})
     alike(found, march(Evolution(stated, inertia), 0.4, step=0.05))

@@ -44,7 +44,7 @@ LAWS: dict[str, hv.Superpotential | VectorLaw] = {
 }
 
 
-def pulled(law: hv.Superpotential | VectorLaw, path: list[float], step: float = 0.125, **more: object) -> History:
+def pulled_along(law: hv.Superpotential | VectorLaw, path: list[float], step: float = 0.125, **more: object) -> History:
     """A column as stiff as a spring of 12 on glue, its far end moved by each of a path in a time of 1."""
 
     def move(x: Array, t: float) -> Array:
@@ -59,7 +59,7 @@ def pulled(law: hv.Superpotential | VectorLaw, path: list[float], step: float = 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_a_point_on_a_spring_unloads_to_the_origin_and_does_not_heal(law: hv.Superpotential | VectorLaw) -> None:
     """12 (d - w) = t(w): at d = 0.4 the opening 0.3, the traction 1.2 and the secant 4; half of both at d = 0.2."""
-    history = pulled(law, [0.0, 0.4, 0.2, 0.4, 0.55, -0.1])
+    history = pulled_along(law, [0.0, 0.4, 0.2, 0.4, 0.55, -0.1])
     assert history.finished
     opened = [-frame.local[0, 0] for frame in history.frames]
     traction = [-frame.multiplier[0, 0] for frame in history.frames]
@@ -77,7 +77,7 @@ def test_a_point_on_a_spring_unloads_to_the_origin_and_does_not_heal(law: hv.Sup
 
 
 def test_a_step_from_rest_under_no_load_stays_where_steep_glue_would_let_it_jump() -> None:
-    history = pulled(MixedMode(bilinear(36.0), 1.0, SHUT), [0.0, 0.0])
+    history = pulled_along(MixedMode(bilinear(36.0), 1.0, SHUT), [0.0, 0.0])
     assert history.finished
     assert not history.frames[-1].local.any()
 
@@ -277,14 +277,14 @@ def test_elastic_glue_says_that_it_heals(name: str) -> None:
     law = LAWS[name]
     if name == "mode-dependent":
         with pytest.raises(hv.HemivarError, match="no potential in time without its memory, the mode of onset"):
-            pulled(law, [0.0, 0.4], memory=())
+            pulled_along(law, [0.0, 0.4], memory=())
         return
-    history = pulled(law, [0.0, 0.4, 0.0], memory=())
+    history = pulled_along(law, [0.0, 0.4, 0.0], memory=())
     assert any(message.startswith("the glue heals on contact 'bottom' from t = 1 on") for message in history.messages)
     np.testing.assert_allclose(history.frames[-1].local, 0.0, atol=1e-9)
     assert history.state.ledger.memory == 0.0
-    loaded = pulled(law, [0.0, 0.4], memory=())
-    remembering = pulled(law, [0.0, 0.4, 0.0])
+    loaded = pulled_along(law, [0.0, 0.4], memory=())
+    remembering = pulled_along(law, [0.0, 0.4, 0.0])
     assert not any("heals" in message for message in (*loaded.messages, *remembering.messages))
 
 

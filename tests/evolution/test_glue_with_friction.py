@@ -26,7 +26,7 @@ def slip(t: float) -> float:
     return float(np.interp(t, range(len(TURNS)), TURNS))
 
 
-def block(
+def led_block(
     law: Any, memory: tuple[Any, ...] | None, way: Callable[[float], list[float]], unit: float = 1.0, dim: int = 2,
     young: float = 1e8,
 ) -> hv.ContactProblem:  # fmt: skip
@@ -46,7 +46,7 @@ def to_and_fro(t: float) -> list[float]:
     return [slip(t), -DEEP * min(1.0, 10.0 * t)]
 
 
-def point(step: float, until: float = 5.0) -> tuple[Array, float, float]:
+def march_of_a_point(step: float, until: float = 5.0) -> tuple[Array, float, float]:
     """Shear tractions of one point, and what glue and friction lose, with D of the beginning of each step."""
     times = step * np.arange(round(until / step) + 1)
     far, damage, rubbed, found = 0.0, 0.0, 0.0, []
@@ -72,11 +72,11 @@ def test_a_point_pressed_and_sheared_to_and_fro(unit: float) -> None:
         BilinearCohesion(stiffness=24.0 * unit**3, strength=2.4 * unit**2, energy=0.6 * unit), 1.0,
         Compliance(SPRING * unit**3),
     )  # fmt: skip
-    problem = block(glue, (Secant(friction=MU),), to_and_fro, unit)
+    problem = led_block(glue, (Secant(friction=MU),), to_and_fro, unit)
     save = hv.evolution.Save(every=0.05)
     history = hv.march(hv.Evolution(problem), 5.0, step=0.05, save=save, controls=TIGHT)
     assert history.ended == "finished"
-    traction, energy, rubbed = point(0.05)
+    traction, energy, rubbed = march_of_a_point(0.05)
     np.testing.assert_allclose(shears(history) / unit**2, traction, atol=5e-6)
     assert shears(history)[-1] / unit**2 == pytest.approx(MU * PRESSURE, rel=1e-5)
     assert history["memory"][-1] == pytest.approx(energy + rubbed, rel=1e-5)
@@ -85,8 +85,8 @@ def test_a_point_pressed_and_sheared_to_and_fro(unit: float) -> None:
 
 def test_the_damage_of_the_beginning_of_a_step_costs_one_order() -> None:
     """Against damage of the end: what friction takes while glue softens differs by half as much in half the step."""
-    fine = point(1e-4, 1.0)[2]
-    off = [abs(point(step, 1.0)[2] - fine) for step in (0.02, 0.01)]
+    fine = march_of_a_point(1e-4, 1.0)[2]
+    off = [abs(march_of_a_point(step, 1.0)[2] - fine) for step in (0.02, 0.01)]
     assert off[1] == pytest.approx(0.5 * off[0], rel=0.05)
 
 
@@ -94,7 +94,7 @@ def test_broken_glue_obeys_coulombs_law() -> None:
     """A soft block, sheared off and dragged to and fro: as a contact that was never glued. The balance closes."""
     found = []
     for law, memory in ((GLUE, (Secant(friction=MU),)), (Compliance(SPRING), None)):
-        problem = block(law, memory, to_and_fro, young=200.0)
+        problem = led_block(law, memory, to_and_fro, young=200.0)
         if memory is None:
             contact = {"bottom": hv.Contact(law, hv.Coulomb(MU))}
             problem = hv.ContactProblem(problem.mesh, problem.material, contact, problem.supports)
@@ -110,7 +110,7 @@ def test_in_space_friction_points_against_the_slip_and_glue_back_to_the_start() 
     def way(t: float) -> list[float]:
         return [0.3 * min(t, 1.0), 0.05 * max(t - 1.0, 0.0), -DEEP * min(1.0, 10.0 * t)]
 
-    history = hv.march(hv.Evolution(block(GLUE, (Secant(friction=MU),), way, dim=3)), 1.5, step=0.05)
+    history = hv.march(hv.Evolution(led_block(GLUE, (Secant(friction=MU),), way, dim=3)), 1.5, step=0.05)
     assert history.ended == "finished"
     force = history.discrete.problem.contact.global_vectors(history.state.multiplier)
     far = np.hypot(0.3, 0.025)
@@ -127,7 +127,7 @@ def test_glue_that_only_opens_rubs_by_its_damage() -> None:
         return [max(t - 2.0, 0.0), 0.3 * min(t, 1.0) - 0.31 * min(max(t - 1.0, 0.0), 1.0)]
 
     glue = Adhesive(24.0, 2.4, energy=0.6, compression=SPRING)
-    history = hv.march(hv.Evolution(block(glue, (Secant(friction=MU),), way)), 3.0, step=0.05)
+    history = hv.march(hv.Evolution(led_block(glue, (Secant(friction=MU),), way)), 3.0, step=0.05)
     assert history.ended == "finished"
     lam = history.state.multiplier
     assert lam[:, 1] == pytest.approx(5.0 / 6.0 * MU * lam[:, 0], rel=1e-5)
@@ -141,7 +141,7 @@ def mode_dependent() -> VectorLaw:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: hv.solve(block(GLUE, (Secant(friction=MU),), to_and_fro).at_time(0.0)), "something in time only"),
+        (lambda: hv.solve(led_block(GLUE, (Secant(friction=MU),), to_and_fro).at_time(0.0)), "something in time only"),
         (lambda: begun(mode_dependent()), "friction on the damaged share of"),
         (lambda: begun(Compliance(1.0)), "has no damage on which friction could act"),
         (lambda: begun(Adhesive(24.0, 2.4), hv.Tresca(1.0)), "leave one of the two out"),
@@ -155,7 +155,7 @@ def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
 
 
 def begun(law: Any, beside: hv.laws.Friction | None = None, friction: float = MU) -> hv.evolution.History:
-    problem = block(law, (Secant(friction=friction),), to_and_fro)
+    problem = led_block(law, (Secant(friction=friction),), to_and_fro)
     if beside is not None:
         contact = {"bottom": hv.Contact(law, beside, memory=(Secant(friction=friction),))}
         problem = hv.ContactProblem(problem.mesh, problem.material, contact, problem.supports)

@@ -30,7 +30,7 @@ WITHIN = (Midpoint(), GeneralizedAlpha(0.6), MoreauJean())
 STIFF, SPRING = 12.0, 24.0
 
 
-def pressed(contact: hv.Contact, density: float | None = None) -> Evolution:
+def pressed_in_time(contact: hv.Contact, density: float | None = None) -> Evolution:
     """A block that deforms along its height only, as a spring of 12, pressed onto its foundation by 3.6 t."""
 
     def pull(x: Array, t: float) -> Array:
@@ -54,7 +54,7 @@ def forces(found: History) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("scheme", MASSLESS, ids=repr)
 def test_a_spring_presses_as_deep_as_it_is_pressed(scheme: Scheme) -> None:
-    found = march(pressed(hv.Contact(hv.Compliance(SPRING))), until=0.4, step=0.1, scheme=scheme)
+    found = march(pressed_in_time(hv.Contact(hv.Compliance(SPRING))), until=0.4, step=0.1, scheme=scheme)
     for one in forces(found):
         np.testing.assert_allclose(one, 2.4 * found.times, rtol=1e-9)
     np.testing.assert_array_equal(found["force_time"], found.times)
@@ -66,7 +66,7 @@ def test_a_damper_tells_the_force_of_the_end() -> None:
 
     def worst(steps: int) -> float:
         contact = hv.Contact(hv.Compliance(SPRING), damping=hv.Compliance(6.0))
-        found = march(pressed(contact), until=1.0, step=1.0 / steps, scheme=Midpoint())
+        found = march(pressed_in_time(contact), until=1.0, step=1.0 / steps, scheme=Midpoint())
         t = found.times
         place = rest * (t - lag * (1.0 - np.exp(-t / lag)))
         rate = rest * (1.0 - np.exp(-t / lag))
@@ -79,7 +79,7 @@ def test_a_damper_tells_the_force_of_the_end() -> None:
 
 def test_forces_are_those_of_displacements_and_rates_with_mass() -> None:
     contact = hv.Contact(hv.Compliance(SPRING), damping=hv.Compliance(6.0))
-    found = march(pressed(contact, 0.5), until=1.0, step=0.05, scheme=GeneralizedAlpha(0.6))
+    found = march(pressed_in_time(contact, 0.5), until=1.0, step=0.05, scheme=GeneralizedAlpha(0.6))
     for frame in found.frames[1:]:
         np.testing.assert_allclose(frame.multiplier[:, 0], _pressure(frame))
 
@@ -112,7 +112,7 @@ def test_glue_in_shear_holds_what_pulls_at_the_end(dim: int) -> None:
 
 @pytest.mark.parametrize("scheme", WITHIN, ids=repr)
 def test_a_rigid_obstacle_tells_when_it_pressed(scheme: Scheme) -> None:
-    evolution = pressed(hv.Contact(hv.Signorini()), None if isinstance(scheme, Midpoint) else 1e-6)
+    evolution = pressed_in_time(hv.Contact(hv.Signorini()), None if isinstance(scheme, Midpoint) else 1e-6)
     found = march(evolution, until=0.4, step=0.1, scheme=scheme)
     (rule,) = scheme.rules(0.1)
     np.testing.assert_allclose(found["force_time"][1:], found.times[1:] - (1.0 - rule.at) * 0.1)
@@ -129,13 +129,13 @@ def test_a_rigid_obstacle_tells_when_it_pressed(scheme: Scheme) -> None:
     ],
 )
 def test_what_no_displacement_tells_has_the_time_of_the_middle(contact: hv.Contact) -> None:
-    found = march(pressed(contact), until=0.2, step=0.1, scheme=Midpoint())
+    found = march(pressed_in_time(contact), until=0.2, step=0.1, scheme=Midpoint())
     np.testing.assert_allclose(found["force_time"], [0.0, 0.05, 0.15])
 
 
 def growing(density: float | None) -> Evolution:
     """The block on springs under ``t^2``, which is ``0.1 t^2`` deep without mass."""
-    evolution = pressed(hv.Contact(hv.Compliance(SPRING)), density)
+    evolution = pressed_in_time(hv.Contact(hv.Compliance(SPRING)), density)
     tractions = {"bottom": lambda x, t: np.tile([0.0, -3.6 * t**2], (len(x), 1))}
     return replace(evolution, problem=replace(evolution.problem, tractions=tractions))
 

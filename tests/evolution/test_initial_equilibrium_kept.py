@@ -19,7 +19,7 @@ _KAPPA = 12.0
 _SCHEMES = [hv.evolution.ImplicitEuler(), hv.evolution.Midpoint(), hv.evolution.SDIRK2()]
 
 
-def block(load: Any, contact: Contact, **more: Any) -> hv.ContactProblem:
+def loaded_at_its_foot(load: Any, contact: Contact, **more: Any) -> hv.ContactProblem:
     """A block under a load at its foot, of stiffness 12 along its axis."""
     lame = more.pop("lame", (4.0, 4.0))
     return bodies.column(
@@ -33,10 +33,10 @@ def block(load: Any, contact: Contact, **more: Any) -> hv.ContactProblem:
 
 def glued(load: Any = (0.0, 1.9), **more: Any) -> hv.ContactProblem:
     """Glue of stiffness 24 and strength 2 that does not heal."""
-    return block(load, hv.Contact(hv.Adhesive(24, 2, 6, 72), memory=(hv.laws.Secant(),)), **more)
+    return loaded_at_its_foot(load, hv.Contact(hv.Adhesive(24, 2, 6, 72), memory=(hv.laws.Secant(),)), **more)
 
 
-def opened(problem: hv.ContactProblem, scheme: Scheme, step: Any = 0.01, **options: Any) -> History:
+def march_to_one(problem: hv.ContactProblem, scheme: Scheme, step: Any = 0.01, **options: Any) -> History:
     """The march to t = 1, or as long as asked for."""
     until = options.pop("until", 1.0)
     stated = Evolution(problem, **options.pop("evolution", {}))
@@ -45,7 +45,7 @@ def opened(problem: hv.ContactProblem, scheme: Scheme, step: Any = 0.01, **optio
 
 @pytest.mark.parametrize("scheme", _SCHEMES, ids=lambda scheme: scheme.name)
 def test_a_load_that_is_on_from_the_start_breaks_no_glue_that_holds_it(scheme: Scheme) -> None:
-    found = opened(glued(), scheme, step=0.1)
+    found = march_to_one(glued(), scheme, step=0.1)
     np.testing.assert_allclose(found["foot.u_y"], 1.9 / (_KAPPA + 24.0), rtol=1e-8)
     assert found.messages == ()
     # The balance begins with the energy that is stored then, and nothing is done to the body any more.
@@ -62,7 +62,7 @@ def test_glue_that_is_torn_by_the_load_at_the_start_is_torn_at_the_start(scheme:
         law = hv.Adhesive(24, 2, 6, 72)
         return float(-law.subdifferential(np.array([-s])).lower[0])
 
-    found = opened(glued((0.0, 3.2)), scheme, step=0.1)
+    found = march_to_one(glued((0.0, 3.2)), scheme, step=0.1)
     s = float(found["foot.u_y"][0])
     assert s > 1.0 / 12.0
     assert _KAPPA * s + force(s) == pytest.approx(3.2, rel=1e-7)
@@ -73,7 +73,9 @@ def test_glue_that_is_torn_by_the_load_at_the_start_is_torn_at_the_start(scheme:
 def test_branches_have_taken_the_strain_of_the_start(scheme: Scheme) -> None:
     # Springs 6 and 6 in parallel at once, 6 at last, T = 0.5, on a spring 2: s goes from f/14 to f/8.
     body = hv.Material.lame(0.0, 3.0, branches=[hv.materials.Branch(lame=(0.0, 3.0), time=0.5)])
-    found = opened(block((0.0, -1.0), hv.Contact(hv.Compliance(2.0)), material=body), scheme, step=0.05)
+    found = march_to_one(
+        loaded_at_its_foot((0.0, -1.0), hv.Contact(hv.Compliance(2.0)), material=body), scheme, step=0.05
+    )
     slow = 0.5 * 14.0 / 8.0
     exact = 1.0 / 8.0 + (1.0 / 14.0 - 1.0 / 8.0) * np.exp(-found.times / slow)
     off = np.abs(-found["foot.u_y"] - exact) / exact
@@ -83,15 +85,15 @@ def test_branches_have_taken_the_strain_of_the_start(scheme: Scheme) -> None:
 
 def test_a_stated_displacement_out_of_equilibrium_is_reported() -> None:
     far = {"displacement": (0.0, 0.0)}
-    found = opened(glued(), hv.evolution.Midpoint(), evolution=far)
+    found = march_to_one(glued(), hv.evolution.Midpoint(), evolution=far)
     assert found["foot.u_y"][0] == pytest.approx(1.9 / 36.0)
     assert any("not in equilibrium" in message for message in found.messages)
     here = {"displacement": lambda x: np.column_stack([0.0 * x[:, 0], (1.0 - x[:, 1]) * 1.9 / 36.0])}
-    assert opened(glued(), hv.evolution.Midpoint(), evolution=here).messages == ()
+    assert march_to_one(glued(), hv.evolution.Midpoint(), evolution=here).messages == ()
 
 
 def test_viscosity_everywhere_keeps_the_stated_displacement() -> None:
-    found = opened(glued(viscosity=(0.4, 0.4)), hv.evolution.ImplicitEuler(), step=0.01)
+    found = march_to_one(glued(viscosity=(0.4, 0.4)), hv.evolution.ImplicitEuler(), step=0.01)
     assert found["foot.u_y"][0] == 0.0
     assert found["foot.u_y"][1] == pytest.approx(1.9 / (36.0 + 1.2 / 0.01), rel=1e-8)
 
@@ -113,7 +115,7 @@ def test_viscosity_in_a_part_keeps_the_displacement_of_this_part() -> None:
         tractions={"bottom": (0.0, 1.9)},
         contact={"bottom": hv.Contact(hv.Adhesive(24, 2, 6, 72), memory=(hv.laws.Secant(),))},
     )
-    found = opened(problem, hv.evolution.Midpoint(), step=0.01)
+    found = march_to_one(problem, hv.evolution.Midpoint(), step=0.01)
     assert found["foot.u_y"][0] == pytest.approx(1.9 / 48.0, rel=1e-6)
     # Of the middle v and the foot w: 2.4 v' + 24 v = 24 (w - v) and 24 (w - v) + 24 w = 1.9.
     rate = 48.0 - 24.0**2 / 48.0
@@ -126,7 +128,7 @@ def test_a_load_that_jumps_at_a_stop_breaks_no_glue_that_holds_it(scheme: Scheme
     def load(x: Array, t: float) -> Array:
         return np.column_stack([0.0 * x[:, 0], np.full(len(x), 0.5 if t < 0.5 else 1.9)])
 
-    found = opened(glued(load), scheme, step=0.05, stops=(0.5,))
+    found = march_to_one(glued(load), scheme, step=0.05, stops=(0.5,))
     after = found.times > 0.5 + 1e-9
     np.testing.assert_allclose(found["foot.u_y"][~after], 0.5 / 36.0, rtol=1e-8)
     np.testing.assert_allclose(found["foot.u_y"][after], 1.9 / 36.0, rtol=1e-8)
@@ -140,7 +142,7 @@ def test_a_load_that_sets_in_just_after_the_start_breaks_no_glue_that_holds_it()
     def load(x: Array, t: float) -> Array:
         return np.column_stack([0.0 * x[:, 0], np.full(len(x), 1.9 if t > 0.0 else 0.0)])
 
-    found = opened(glued(load), hv.evolution.Midpoint())
+    found = march_to_one(glued(load), hv.evolution.Midpoint())
     assert found["foot.u_y"][0] == 0.0
     np.testing.assert_allclose(found["foot.u_y"][1:], 1.9 / 36.0, rtol=1e-8)
     assert found["work"][-1] == pytest.approx(0.5 * 1.9**2 / 36.0, rel=1e-7)
@@ -161,8 +163,8 @@ def test_steps_that_swing_about_an_equilibrium_are_reported(ramp: bool, step: fl
     def load(x: Array, t: float) -> Array:
         return np.column_stack([0.0 * x[:, 0], np.full(len(x), -min(t, 1.0) if ramp else -1.0)])
 
-    problem = block(load, hv.Contact(hv.Compliance(24.0)), viscosity=(0.6, 0.6))
-    found = opened(problem, hv.evolution.Midpoint(), step)
+    problem = loaded_at_its_foot(load, hv.Contact(hv.Compliance(24.0)), viscosity=(0.6, 0.6))
+    found = march_to_one(problem, hv.evolution.Midpoint(), step)
     swings = step > 0.1 and not ramp
     assert (len(found.messages) == 1) == swings
     if swings:

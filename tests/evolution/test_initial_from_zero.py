@@ -15,7 +15,9 @@ from tests.samples import slow
 from .random_marches import random_march
 
 
-def pressed(law: Superpotential, size: Callable[[float], float], dim: int = 2, unit: float = 1.0) -> hv.ContactProblem:
+def under_pressure(
+    law: Superpotential, size: Callable[[float], float], dim: int = 2, unit: float = 1.0
+) -> hv.ContactProblem:
     """A block that its foundation holds upwards only, under a pressure that depends on time."""
     sides = (2.0, 1.0) if dim == 2 else (1.0, 1.0, 1.0)
     mesh = hv.rectangle((sides[0] * unit, unit), (8, 4)) if dim == 2 else hv.box((unit,) * 3, (2, 2, 2))
@@ -28,7 +30,7 @@ def pressed(law: Superpotential, size: Callable[[float], float], dim: int = 2, u
     return hv.ContactProblem(mesh, hv.Material.young(1e3, 0.3), contact, supports, tractions={"top": load})
 
 
-def ramp(t: float) -> float:
+def linear_in_time(t: float) -> float:
     return t
 
 
@@ -38,10 +40,10 @@ def up_and_down(t: float) -> float:
 
 @pytest.mark.parametrize("law", [hv.Signorini(), hv.Compliance(1e4), hv.Softening(1e4, 0.1, 1e3)], ids=lambda x: x.name)
 @pytest.mark.parametrize(("dim", "unit"), [(2, 1.0), slow(2, 1e-3), (3, 1.0)])
-@pytest.mark.parametrize("size", [slow(ramp), up_and_down])
+@pytest.mark.parametrize("size", [slow(linear_in_time), up_and_down])
 def test_a_load_grows_from_zero(law: Superpotential, dim: int, unit: float, size: Callable[[float], float]) -> None:
     """Every moment is the equilibrium of its load: the foundation bears it, as statics says."""
-    problem = pressed(law, size, dim, unit)
+    problem = under_pressure(law, size, dim, unit)
     history = hv.march(hv.Evolution(problem, inertia=False), until=1.9, step=0.1)
     assert history.finished
     assert any("this equilibrium is one of many" in message for message in history.messages)
@@ -106,7 +108,7 @@ def test_one_boundary_touches_and_another_is_far_away() -> None:
     assert one.multiplier[:, 0].max() > 0.0
 
 
-def pushed(friction: hv.laws.Friction, dim: int, normal: Superpotential) -> hv.ContactProblem:
+def pressed_and_pushed(friction: hv.laws.Friction, dim: int, normal: Superpotential) -> hv.ContactProblem:
     """A block held at its left side, pressed and pushed from the start on."""
     mesh = hv.rectangle((2.0, 1.0), (6, 3)) if dim == 2 else hv.box((1.0, 1.0, 1.0), (2, 2, 2))
     load = [1.5, *[0.0] * (dim - 2), -1.0]
@@ -131,10 +133,10 @@ def test_friction_that_weakens_with_the_rate_begins_at_rest(
 ) -> None:
     """The start is the equilibrium under friction of a constant strength, that at rest."""
     law = WEAKENING[weakens](bound)
-    history = hv.march(hv.Evolution(pushed(law, dim, normal), inertia=False), until=0.2, step=0.1)
+    history = hv.march(hv.Evolution(pressed_and_pushed(law, dim, normal), inertia=False), until=0.2, step=0.1)
     assert history.finished
     size = 1.2 * bound if isinstance(bound, float) else hv.laws.CoulombBound(0.24)
-    steady = hv.solve(pushed(hv.Tresca(size), dim, normal))
+    steady = hv.solve(pressed_and_pushed(hv.Tresca(size), dim, normal))
     start = history.frames[0]
     far = np.abs(steady.displacement).max()
     assert np.abs(start.displacement - steady.displacement).max() <= 1e-8 * far

@@ -18,7 +18,7 @@ from tests import bodies
 KAPPA = 3.0
 
 
-def block(contact: hv.Contact, load: Any, **material: Any) -> Evolution:
+def pushed_spring(contact: hv.Contact, load: Any, **material: Any) -> Evolution:
     """A unit square between rollers, modulus 3, held at its top and pushed at its bottom: ``3 s + g(s) = load``."""
     problem = bodies.column(
         contact, material=hv.Material.lame(0.0, 0.5 * KAPPA, **material), tractions={"bottom": load}
@@ -34,7 +34,7 @@ def test_touch_and_release_of_a_block_that_is_pushed_and_pulled() -> None:
     """Pushed by ``1 - 2 t``, it leaves the foundation at t = 1/2; pushed by ``2 t - 1``, it comes to it then."""
     for sign, name, boundary in ((1.0, "release", "bottom"), (-1.0, "touch", None)):
         events = (Release(boundary=boundary), Touch(boundary=boundary))
-        evolution = block(hv.Contact(hv.Compliance(2.0)), lambda x, t, s=sign: s * falling(x, t))
+        evolution = pushed_spring(hv.Contact(hv.Compliance(2.0)), lambda x, t, s=sign: s * falling(x, t))
         history = march(evolution, 1.0, step=0.3, events=events)
         # At the start the block is at rest without load: what happens in the first step is not looked at.
         (time, found) = history.events[-1]
@@ -70,7 +70,7 @@ def test_slip_starts_where_friction_is_overcome() -> None:
 
 def test_a_point_that_sticks_does_not_slip_by_rounding_or_by_sinking() -> None:
     history = march(
-        block(hv.Contact(hv.Compliance(2.0), hv.Tresca(1.0)), falling), 0.4, step=0.1, events=[Slip("stop")]
+        pushed_spring(hv.Contact(hv.Compliance(2.0), hv.Tresca(1.0)), falling), 0.4, step=0.1, events=[Slip("stop")]
     )
     assert history.finished
     assert np.abs(history.state.local.velocity[:, 0]).min() > 0.1
@@ -93,7 +93,7 @@ def test_a_bond_is_broken_where_it_falls_below() -> None:
 def test_the_margin_is_lost_where_the_law_softens_as_fast_as_the_body_is_stiff() -> None:
     """alpha = 1 + 4 t passes kappa = 3 at t = 1/2."""
     law = hv.Softening(10.0, 0.1, lambda x, t: 1.0 + 4.0 * t + 0.0 * x[:, 0])
-    history = march(block(hv.Contact(law), (0.0, -0.1)), 1.0, step=0.3, events=[MarginLost("stop")])
+    history = march(pushed_spring(hv.Contact(law), (0.0, -0.1)), 1.0, step=0.3, events=[MarginLost("stop")])
     assert history.ended == "event: margin lost"
     assert history.state.time == pytest.approx(0.5, abs=1e-6)
     assert history["margin"][1] == pytest.approx(1.0 - (1.0 + 4.0 * 0.3) / 3.0, rel=1e-6)  # claimed from below
@@ -101,7 +101,7 @@ def test_the_margin_is_lost_where_the_law_softens_as_fast_as_the_body_is_stiff()
 
 def test_a_margin_of_minus_infinity_is_lost_and_one_that_was_not_looked_for_is_not() -> None:
     """As it is of a law that falls at once."""
-    evolution = block(hv.Contact(hv.Compliance(2.0)), (0.0, -0.1))
+    evolution = pushed_spring(hv.Contact(hv.Compliance(2.0)), (0.0, -0.1))
     history = march(evolution, 1.0, step=1.0)
     levels = [MarginLost().level(history.discrete, history.state, m) for m in (-math.inf, math.nan, math.inf)]
     assert [level > 0.0 for level in levels] == [True, False, False]
@@ -112,7 +112,7 @@ def test_events_are_counted_once_and_every_one_that_happens() -> None:
     waves = When(function=lambda discrete, state: math.sin(2.0 * math.pi * state.time), label="wave")
     late = When(function=lambda discrete, state: state.time - 0.25, label="late")
     same = When(function=lambda discrete, state: 4.0 * (state.time - 0.25), label="same")
-    evolution = block(hv.Contact(hv.Compliance(2.0)), (0.0, -1.0))
+    evolution = pushed_spring(hv.Contact(hv.Compliance(2.0)), (0.0, -1.0))
     history = march(evolution, 2.2, step=0.2, events=[waves, late, same], save=Save(10.0))
     names = [name for _, name in history.events]
     assert names == ["wave", "late", "same", "wave", "wave"] or names.count("wave") == 3

@@ -31,7 +31,7 @@ def swinging(inclusive: bool = False, first: float = 0.3, then: float = -1.0) ->
     return Evolution(problem, inertia=True)
 
 
-def exact(evolution: Evolution, first: float = 0.3, then: float = -1.0) -> tuple[Array, Array]:
+def exact_end(evolution: Evolution, first: float = 0.3, then: float = -1.0) -> tuple[Array, Array]:
     """Displacement and velocity (n,) of the discrete body at the end, mode by mode."""
     discrete = discretize_evolution(evolution)
     assert discrete.mass is not None
@@ -51,7 +51,7 @@ def exact(evolution: Evolution, first: float = 0.3, then: float = -1.0) -> tuple
 )
 def test_a_load_that_jumps_at_a_stop_costs_no_order(scheme: Scheme, inclusive: bool) -> None:
     stated = swinging(inclusive)
-    places, speeds = exact(stated)
+    places, speeds = exact_end(stated)
     off = []
     for steps in (50, 100, 200):
         found = march(stated, _UNTIL, step=_UNTIL / steps, scheme=scheme, stops=(_AT,)).state.body

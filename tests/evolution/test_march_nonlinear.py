@@ -215,7 +215,7 @@ def rates(block: Block, stated: Evolution, scheme: Scheme, exact: Array) -> Arra
     return np.log2(np.array(off[:-1]) / off[1:])
 
 
-def named(scheme: object) -> str | None:
+def scheme_name(scheme: object) -> str | None:
     return scheme.name if isinstance(scheme, Scheme) else None
 
 
@@ -225,7 +225,7 @@ def named(scheme: object) -> str | None:
         (GeneralizedAlpha(), 2),
         *(slow(s, n) for s, n in ((ImplicitEuler(), 1), (Midpoint(), 2), (Newmark(), 2), (BDF2(), 2))),
     ],
-    ids=named,
+    ids=scheme_name,
 )
 def test_the_order_with_mass(block: Block, thrown: Array, scheme: Scheme, order: int) -> None:
     stated = thrown_block(block, hencky(viscosity=(LAM_V, MU_V), density=DENSITY))
@@ -235,7 +235,7 @@ def test_the_order_with_mass(block: Block, thrown: Array, scheme: Scheme, order:
 @pytest.mark.parametrize(
     ("scheme", "order"),
     [(Midpoint(), 2), *(slow(s, n) for s, n in ((ImplicitEuler(), 1), (SDIRK2(), 2), (BDF2(), 2)))],
-    ids=named,
+    ids=scheme_name,
 )
 def test_the_order_without_mass_below_a_moving_support(
     block: Block, pressed: Array, scheme: Scheme, order: int
@@ -287,7 +287,7 @@ def gliding(material: hv.Material, law: object = None, friction: object = None) 
 @pytest.mark.parametrize(
     "scheme",
     [BDF2(), Newmark(), MoreauJean(), *map(slow, (ImplicitEuler(), SDIRK2(), Midpoint(), GeneralizedAlpha()))],
-    ids=named,
+    ids=scheme_name,
 )
 def test_a_linear_material_as_an_energy_goes_as_before(scheme: Scheme) -> None:
     inertia = scheme.needs_mass

@@ -22,7 +22,7 @@ from tests import bodies
 KAPPA, VISCOUS = 3.0, 0.6
 
 
-def block(contact: hv.Contact, viscous: float | None = VISCOUS, **more: Any) -> Evolution:
+def viscous_spring(contact: hv.Contact, viscous: float | None = VISCOUS, **more: Any) -> Evolution:
     """A unit square between rollers, modulus 3, viscosity 0.6, held at its top."""
     stated = {name: more.pop(name) for name in ("inertia", "heat") if name in more}
     modulus = more.pop("modulus", KAPPA)
@@ -30,11 +30,11 @@ def block(contact: hv.Contact, viscous: float | None = VISCOUS, **more: Any) -> 
     return Evolution(problem, **stated)
 
 
-def falling(r: np.ndarray) -> np.ndarray:
+def decaying(r: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(r > 0.0, np.exp(-r), 1.0))
 
 
-SAMPLED = FunctionLaw(derivative=falling)
+SAMPLED = FunctionLaw(derivative=decaying)
 FLAT = hv.Tresca(hv.laws.PenetrationBound(lambda s: np.full(np.shape(s), 0.1)))  # as far as samples tell
 DASHPOT = hv.laws.PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0])
 FALLING = hv.laws.PiecewiseQuadratic([0.0, 1.0], [1.0, -0.5, 0.0], [0.0, 0.0])
@@ -71,7 +71,7 @@ CASES: dict[str, tuple[hv.Contact, dict[str, Any], str, str]] = {
 @pytest.mark.parametrize("name", CASES)
 def test_where_a_bound_is_claimed(name: str) -> None:
     contact, more, norm, words = CASES[name]
-    history = march(block(contact, **more), 0.1, step=0.1)
+    history = march(viscous_spring(contact, **more), 0.1, step=0.1)
     error = history.time_error
     assert error.norm == norm, error.why
     assert words in error.why
@@ -80,7 +80,7 @@ def test_where_a_bound_is_claimed(name: str) -> None:
 
 
 def test_no_bound_of_other_schemes() -> None:
-    error = march(block(hv.Contact(hv.Compliance(2.0))), 0.1, step=0.1, scheme=Midpoint()).time_error
+    error = march(viscous_spring(hv.Contact(hv.Compliance(2.0))), 0.1, step=0.1, scheme=Midpoint()).time_error
     assert (error.norm, math.isnan(error.bound)) == ("", True)
     assert "not for midpoint" in error.why
 
@@ -107,7 +107,7 @@ def test_friction_that_weakens_must_be_slower_than_the_body_is_viscous(weakening
 @pytest.mark.parametrize("alpha", [3.5, 5.0, 20.0])
 def test_the_largest_step_with_one_solution(alpha: float) -> None:
     """``alpha < kappa + c/tau``: tau below ``c/(alpha - kappa)``, found to a percent and not above; margins alike."""
-    discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, alpha))))
+    discrete = discretize_evolution(viscous_spring(hv.Contact(hv.Softening(10.0, 0.1, alpha))))
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     margins, first = Margins(advance), initial_state(advance)
     exact = VISCOUS / (alpha - KAPPA)
@@ -122,7 +122,7 @@ def test_the_largest_step_beside_damping(tau: float) -> None:
     """``36 < 12 + (.9 + .4)/tau`` while the damper hides the softening: tau below 1.3/24, whichever step it is asked
     from; the damper alone makes the law of a step convex below .4/36."""
     damped = hv.Contact(hv.Softening(24.0, 0.1, 36.0), damping=hv.Compliance(0.4))
-    evolution = block(damped, 0.9, modulus=12.0)
+    evolution = viscous_spring(damped, 0.9, modulus=12.0)
     discrete = discretize_evolution(evolution)
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     margins = Margins(advance)
@@ -134,7 +134,7 @@ def test_the_largest_step_beside_damping(tau: float) -> None:
 
 def test_the_largest_step_of_a_long_way_off_is_no_infinite_one() -> None:
     """``alpha < kappa + c/tau``: a hundred million times the step is finite."""
-    discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, 3.5))))
+    discrete = discretize_evolution(viscous_spring(hv.Contact(hv.Softening(10.0, 0.1, 3.5))))
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     exact = VISCOUS / (3.5 - KAPPA)
     found = Margins(advance).largest_step(advance.take(initial_state(advance), 1e-8 * exact))
@@ -149,7 +149,7 @@ def test_steps_of_any_length_or_none() -> None:
         (hv.Contact(hv.Softening(2.0, 0.1, 2.5)), None, math.inf),
         (hv.Contact(hv.Softening(2.0, 0.1, 3.5)), None, 0.0),
     ):
-        discrete = discretize_evolution(block(contact, viscous))
+        discrete = discretize_evolution(viscous_spring(contact, viscous))
         advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
         taken = advance.take(initial_state(advance), 0.01)
         assert Margins(advance).largest_step(taken) == largest
@@ -159,7 +159,7 @@ def test_the_largest_step_of_a_mass() -> None:
     """``alpha < kappa + m/tau^2`` of each mode: the largest step of a body that softens goes with the square root."""
     law, found = hv.Contact(hv.Softening(10.0, 0.1, 50.0)), []
     for density in (1.0, 4.0):
-        discrete = discretize_evolution(block(law, None, density=density, inertia=True))
+        discrete = discretize_evolution(viscous_spring(law, None, density=density, inertia=True))
         advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
         found.append(Margins(advance).largest_step(advance.take(initial_state(advance), 1e-3)))
     assert found[1] / found[0] == pytest.approx(2.0, rel=0.03)
@@ -170,7 +170,7 @@ def test_a_law_that_falls_at_once_is_refused_in_words() -> None:
     """No viscosity, however large, leaves a step one solution."""
     for viscous in (VISCOUS, None):
         with pytest.raises(hv.errors.ProblemError, match="drops discontinuously"):
-            march(block(hv.Contact(hv.laws.Capped(2.0, 0.1)), viscous), 0.1, step=0.1)
+            march(viscous_spring(hv.Contact(hv.laws.Capped(2.0, 0.1)), viscous), 0.1, step=0.1)
 
 
 @pytest.mark.parametrize(
@@ -187,14 +187,14 @@ def test_a_law_that_falls_at_once_is_refused_in_words() -> None:
 )
 def test_one_solution_is_said_of_steps_where_it_is_shown(contact: hv.Contact, more: dict[str, Any], words: str) -> None:
     """What a step iterates, and constants from samples, are no part of the margin."""
-    history = march(block(contact, **more), 0.1, step=0.1)
+    history = march(viscous_spring(contact, **more), 0.1, step=0.1)
     if words.endswith("only"):
         assert history.uniqueness == words
     assert words in history.uniqueness
 
 
 def test_no_margin_of_a_march_without_steps() -> None:
-    steep = block(hv.Contact(hv.Softening(50.0, 0.01, 10.0)), viscous=None)
+    steep = viscous_spring(hv.Contact(hv.Softening(50.0, 0.01, 10.0)), viscous=None)
     stopped = march(steep, 0.1, step=0.1, jump="stop")
     assert len(stopped.rows) == 1
     assert stopped.margin == math.inf
@@ -207,7 +207,7 @@ def test_the_largest_step_is_that_of_heat_too() -> None:
     heat = Heat(1e-6, 1.0, contact={"bottom": hv.mechanics.HeatContact(exchange=exchange)}, supports={"top": 0.0})
     found = []
     for step in (0.02, 0.2):
-        history = march(block(hv.Contact(hv.Compliance(2.0)), heat=heat), 2.0 * step, step=step)
+        history = march(viscous_spring(hv.Contact(hv.Compliance(2.0)), heat=heat), 2.0 * step, step=step)
         assert (history["margin"][-1] > 0.0) == (step < history["largest_step"][-1])
         found.append(history["largest_step"][-1])
     # Capacity of the two nodes of the bottom, ((4, 1), (1, 2))/24 in two triangles, against 9/2 at each of them.
@@ -222,6 +222,6 @@ def test_the_largest_step_under_a_law_that_changes_is_that_of_each_step() -> Non
     def falls(x: np.ndarray, t: float) -> np.ndarray:
         return np.full(len(x), 4.0 if t < 0.5 else 20.0)
 
-    found = march(block(hv.Contact(hv.Softening(10.0, 0.1, falls))), 0.75, step=0.15)["largest_step"]
+    found = march(viscous_spring(hv.Contact(hv.Softening(10.0, 0.1, falls))), 0.75, step=0.15)["largest_step"]
     for k, exact in enumerate([0.5, 0.35, 0.2, 0.05, 0.6 / 17.0]):
         assert 0.98 * exact < found[k + 1] <= exact

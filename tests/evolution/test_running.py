@@ -29,7 +29,7 @@ from tests.evolution.messages import said_of
 KAPPA, VISCOUS = 3.0, 0.6
 
 
-def block(**more: Any) -> Evolution:
+def pulled_spring(**more: Any) -> Evolution:
     """``3 u + 0.6 u' = 1``: a unit square between rollers, held at its top, pulled at its bottom."""
     options = {"start": more.pop("start", 0.0)}
     given: dict[str, Any] = {
@@ -64,7 +64,7 @@ class Interrupted(Never):
 
 
 def through(plan: March, kind: type[TimeStepper]) -> History:
-    steps = marching(block(), plan, tools=Backend(advance=kind.of))
+    steps = marching(pulled_spring(), plan, tools=Backend(stepper=kind.of))
     while True:
         try:
             next(steps)
@@ -108,7 +108,7 @@ def test_a_step_that_is_interrupted_says_nothing_of_the_evolution() -> None:
 
 def test_what_is_told_while_it_goes() -> None:
     told = []
-    steps = marching(block(start=2.0), March(3.0, step=0.25, save=Save(0.5)))
+    steps = marching(pulled_spring(start=2.0), March(3.0, step=0.25, save=Save(0.5)))
     for one in steps:
         told.append(one)
     assert [one.done for one in told] == pytest.approx([0.25, 0.5, 0.75, 1.0])
@@ -122,12 +122,16 @@ def test_what_is_told_while_it_goes() -> None:
 @pytest.mark.parametrize("start", [0.0, 1.0])
 def test_frames_that_are_kept(start: float) -> None:
     """The first at or after each multiple of the time between them; or at most so many, evenly spread."""
-    times = [frame.time - start for frame in march(block(start=start), start + 1.0, step=0.1, save=Save(0.25)).frames]
+    times = [
+        frame.time - start for frame in march(pulled_spring(start=start), start + 1.0, step=0.1, save=Save(0.25)).frames
+    ]
     assert times == pytest.approx([0.0, 0.3, 0.5, 0.8, 1.0])
-    times = [frame.time - start for frame in march(block(start=start), start + 1.0, step=0.1, save=Save(0.3)).frames]
+    times = [
+        frame.time - start for frame in march(pulled_spring(start=start), start + 1.0, step=0.1, save=Save(0.3)).frames
+    ]
     assert times == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])  # the last one always
     for most, wanted in ((200, 11), (11, 11), (10, 6), (5, 4), (2, 2)):
-        history = march(block(start=start), start + 1.0, step=0.1, save=Save(most=most))
+        history = march(pulled_spring(start=start), start + 1.0, step=0.1, save=Save(most=most))
         times = [frame.time - start for frame in history.frames]
         assert len(times) <= most
         assert len(times) == wanted
@@ -138,15 +142,19 @@ def test_frames_that_are_kept(start: float) -> None:
 
 def test_frames_after_steps_that_were_longer_than_the_time_between_them() -> None:
     """What long steps have leapt over is not made up for by frames of the short ones that follow."""
-    times = [frame.time for frame in march(block(), 1.0, step=0.4, save=Save(0.1), stops=(0.85, 0.86, 0.87)).frames]
+    times = [
+        frame.time for frame in march(pulled_spring(), 1.0, step=0.4, save=Save(0.1), stops=(0.85, 0.86, 0.87)).frames
+    ]
     assert times == pytest.approx([0.0, 0.4, 0.8, 1.0])
-    times = [frame.time for frame in march(block(), 1.0, step=0.4, save=Save(0.1), stops=(0.85, 0.92, 0.95)).frames]
+    times = [
+        frame.time for frame in march(pulled_spring(), 1.0, step=0.4, save=Save(0.1), stops=(0.85, 0.92, 0.95)).frames
+    ]
     assert times == pytest.approx([0.0, 0.4, 0.8, 0.92, 1.0])
 
 
 def test_looking_back() -> None:
-    assert len(march(block(), 1.0, step=0.4, save=Save(5e-324)).frames) == 4  # every step
-    history = march(block(), 1.0, step=0.1, save=Save(0.25))
+    assert len(march(pulled_spring(), 1.0, step=0.4, save=Save(5e-324)).frames) == 4  # every step
+    history = march(pulled_spring(), 1.0, step=0.1, save=Save(0.25))
     frame = history.at(0.4)
     wanted = 0.5 * (history.frames[1].displacement + history.frames[2].displacement)  # of 0.3 and 0.5
     np.testing.assert_allclose(frame.displacement, wanted, atol=1e-15)
@@ -166,18 +174,18 @@ def test_looking_back() -> None:
 
 
 def test_stops_are_met_once() -> None:
-    history = march(block(), 1.0, step=0.3, stops=(0.45, 0.45, 2.0, -1.0, 0.0, 1.0))
+    history = march(pulled_spring(), 1.0, step=0.3, stops=(0.45, 0.45, 2.0, -1.0, 0.0, 1.0))
     assert history.times == pytest.approx([0.0, 0.3, 0.45, 0.75, 1.0])
     assert 0.45 in history.times
     assert history.times[-1] == 1.0
-    nearly = march(block(), 1.0, step=0.1).times  # ten times a tenth is not one
+    nearly = march(pulled_spring(), 1.0, step=0.1).times  # ten times a tenth is not one
     assert len(nearly) == 11
     assert nearly[-1] == 1.0
 
 
 def test_the_estimate_of_an_error_is_the_error() -> None:
     """Of implicit Euler ``tau^2 u''/2`` in the energy norm, and the largest displacement since the start."""
-    discrete = discretize_evolution(block())
+    discrete = discretize_evolution(pulled_spring())
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), None, Controls())
     state, tau = initial_state(advance), 1e-4
     origin = state.body.displacement
@@ -190,15 +198,15 @@ def test_the_estimate_of_an_error_is_the_error() -> None:
     assert found.energy == pytest.approx(math.sqrt(KAPPA) * abs(exact - u1), rel=2e-3)
     assert found.slid == pytest.approx(abs(exact - u1), rel=2e-3)
     assert found.size == pytest.approx(math.sqrt(KAPPA) * u1, rel=1e-9)
-    assert found.way == pytest.approx(u1, rel=1e-12)
+    assert found.displacement == pytest.approx(u1, rel=1e-12)
     assert found.relative(2.0, 4.0) == (found.energy / 2.0, found.slid / 4.0)
     assert found.relative(0.0, 0.0) == (0.0, 0.0)
     shifted = step_error(advance, taken, origin + 0.25)
-    assert shifted.way == pytest.approx(0.25, abs=1.01 * u1)
+    assert shifted.displacement == pytest.approx(0.25, abs=1.01 * u1)
 
 
 def test_the_estimate_with_mass_is_half_the_distance_from_the_prediction() -> None:
-    problem = block(material=hv.Material.lame(0.0, 1.5, density=2.0)).problem
+    problem = pulled_spring(material=hv.Material.lame(0.0, 1.5, density=2.0)).problem
     discrete = discretize_evolution(Evolution(problem, inertia=True))
     advance = TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls())
     state, tau = initial_state(advance), 0.05
@@ -352,7 +360,7 @@ def test_what_jumps_at_the_start_has_no_rate() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_forces_of_the_foundation_have_a_direction(sign: float) -> None:
     """Sheared by 1 against friction of at most 0.2 on a length of 1: against the slip."""
-    evolution = block(
+    evolution = pulled_spring(
         supports={"top": hv.Clamped()},
         tractions={"bottom": (sign, -0.5)},
         contact={"bottom": hv.Contact(hv.Compliance(1e9), hv.Tresca(0.2))},
@@ -364,7 +372,7 @@ def test_forces_of_the_foundation_have_a_direction(sign: float) -> None:
 def test_what_a_support_moves_is_the_component_that_it_holds() -> None:
     """A top that is lifted, free to slide: the body is stretched by as much, its sides go in."""
     lifted = hv.Fixed(y=lambda x, t: 0.1 * t + 0.0 * x[:, 0])
-    evolution = block(
+    evolution = pulled_spring(
         mesh=hv.rectangle((1.0, 1.0), 2),
         material=hv.Material.lame(1.0, 1.0),
         supports={"bottom": hv.Fixed(y=0.0), "left": hv.Fixed(x=0.0), "top": lifted},
@@ -384,19 +392,19 @@ def test_what_a_support_moves_is_the_component_that_it_holds() -> None:
 
 def test_a_tolerance_that_steps_cannot_keep_is_told() -> None:
     """A step at the least length stands whatever its error: nothing said so."""
-    told = march(block(), 0.4, step=AdaptiveStep(1e-4, first_step=0.2, least=0.1))
+    told = march(pulled_spring(), 0.4, step=AdaptiveStep(1e-4, first_step=0.2, least=0.1))
     assert told.finished
     message, added = said_of(told)
     assert message.startswith("the tolerance of steps was missed first in the step to t = 0.1,")
     assert added.startswith("rtol bounds the error of one step")
-    assert said_of(march(block(), 0.4, step=AdaptiveStep(1e-2))) == ()
+    assert said_of(march(pulled_spring(), 0.4, step=AdaptiveStep(1e-2))) == ()
 
 
 @pytest.mark.parametrize(("start", "step"), [(0.0, 1e-300), (1e9, 1e-8)])
 def test_steps_that_time_does_not_resolve_are_refused(start: float, step: float) -> None:
     """One divided by zero, the other did not end."""
     with pytest.raises(ProblemError, match="too short for times up to"):
-        march(block(start=start), start + 1.0, step=step, max_time=0.1)
+        march(pulled_spring(start=start), start + 1.0, step=step, max_time=0.1)
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,7 @@ def without(path: str) -> Callable[[Head, Arrays], None]:
     return change
 
 
-def columns(change: Callable[[list[str]], object]) -> Callable[[Head, Arrays], None]:
+def renamed_columns(change: Callable[[list[str]], object]) -> Callable[[Head, Arrays], None]:
     """Name the columns of the table otherwise."""
     return lambda head, _: head["state"].update(columns=change(head["state"]["columns"]))
 
@@ -181,8 +181,8 @@ FORGED: dict[str, Callable[[Head, Arrays], None]] = {
     "frame at nan": put("state/march/frames/0/time", "nan"),
     "frame at a text": put("state/march/frames/0/time", "x"),
     "frame of no row": put("state/march/frames/0/time", 0.05),
-    "stride is 0": put("state/march/frame_place", [3, 0]),
-    "place is negative": put("state/march/frame_place", [-1, 1]),
+    "stride is 0": put("state/march/frame_counters", [3, 0]),
+    "place is negative": put("state/march/frame_counters", [-1, 1]),
     "branches are more": put("state/march/state/branches", [0, 0]),
     "branches are none": put("state/march/state/branches", []),
     "branches are a text": put("state/march/state/branches", "1"),

@@ -16,7 +16,7 @@ OLD = np.array([0.3, -0.7, 1.9])  # place, velocity and acceleration at the begi
 NEW = np.array([0.8, 0.45, -1.1])  # and some at the end
 
 
-def told(rule: RateFormula, difference: float, v: float, w: float) -> float:
+def evaluated(rule: RateFormula, difference: float, v: float, w: float) -> float:
     return rule.difference * difference + rule.velocity * v + rule.acceleration * w
 
 
@@ -25,11 +25,11 @@ def ends(rule: StageRule, stage: float) -> tuple[float, float, float, float, flo
     u, v, w = OLD
     whole = rule.reach * (stage - u)
     return (
-        told(rule.rate, stage - u, v, w),
-        told(rule.acceleration, stage - u, v, w),
+        evaluated(rule.rate, stage - u, v, w),
+        evaluated(rule.acceleration, stage - u, v, w),
         u + whole,
-        told(rule.new_velocity, whole, v, w),
-        told(rule.new_acceleration, whole, v, w),
+        evaluated(rule.new_velocity, whole, v, w),
+        evaluated(rule.new_acceleration, whole, v, w),
     )
 
 
@@ -89,14 +89,18 @@ def moved(scheme: Scheme, step: float, count: int, m: float, c: float, k: float,
     for n in range(count):
         speed, total = v, 0.0
         for rule in scheme.rules(step):
-            p, q = told(rule.rate, 0.0, speed, w), told(rule.acceleration, 0.0, speed, w)
+            p, q = evaluated(rule.rate, 0.0, speed, w), evaluated(rule.acceleration, 0.0, speed, w)
             f = force((n + rule.at) * step) - k * u - c * p - m * q  # type: ignore[operator]
             difference = f / (k + c * rule.rate.difference + m * rule.acceleration.difference)
-            before, speed = speed, told(rule.rate, difference, speed, w)
+            before, speed = speed, evaluated(rule.rate, difference, speed, w)
             total += rule.share * step * speed
         whole = rule.reach * difference
         assert total == pytest.approx(whole, rel=1e-11, abs=1e-13) or scheme.name not in ("sdirk2", "implicit-euler")
-        u, v, w = u + whole, told(rule.new_velocity, whole, before, w), told(rule.new_acceleration, whole, before, w)
+        u, v, w = (
+            u + whole,
+            evaluated(rule.new_velocity, whole, before, w),
+            evaluated(rule.new_acceleration, whole, before, w),
+        )
     return np.array([u, v])
 
 
@@ -151,10 +155,12 @@ def test_what_a_step_cannot_resolve_falls_by_rho(rho: float) -> None:
         columns = []
         for unit in np.eye(3):
             u, v, w = unit
-            q = told(rule.acceleration, 0.0, v, w)
+            q = evaluated(rule.acceleration, 0.0, v, w)
             difference = (-k * u - q) / (k + rule.acceleration.difference)
             whole = rule.reach * difference
-            columns.append([u + whole, told(rule.new_velocity, whole, v, w), told(rule.new_acceleration, whole, v, w)])
+            columns.append(
+                [u + whole, evaluated(rule.new_velocity, whole, v, w), evaluated(rule.new_acceleration, whole, v, w)]
+            )
         return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
 
     assert radius(1e-4) == pytest.approx(1.0, abs=1e-6)

@@ -39,7 +39,9 @@ CASES: dict[str, Beside] = {
 }
 
 
-def pressed(normal: Superpotential, friction: hv.laws.Friction, beside: Beside, inertia: bool = False) -> Evolution:
+def clamped_above(
+    normal: Superpotential, friction: hv.laws.Friction, beside: Beside, inertia: bool = False
+) -> Evolution:
     """A square on its foundation, clamped at its top, pushed down and along."""
     problem = bodies.square(
         hv.Contact(normal, friction, **beside),
@@ -59,7 +61,7 @@ def pressed(normal: Superpotential, friction: hv.laws.Friction, beside: Beside, 
     + [(hv.Signorini(), name) for name in CASES if name != "damped contact"],  # here, with a sentence
 )
 def test_every_step_obeys_coulombs_law(normal: Superpotential, name: str) -> None:
-    history = march(pressed(normal, hv.Coulomb(MU), CASES[name]), 0.3, step=0.05, save=Save(0.05))
+    history = march(clamped_above(normal, hv.Coulomb(MU), CASES[name]), 0.3, step=0.05, save=Save(0.05))
     assert history.ended == "finished"
     slid = 0
     for before, after in zip(history.frames, history.frames[1:], strict=False):
@@ -75,7 +77,7 @@ def test_every_step_obeys_coulombs_law(normal: Superpotential, name: str) -> Non
 
 
 def pressed_springs(name: str, inertia: bool) -> Evolution:
-    return pressed(hv.Compliance(20.0), hv.Coulomb(MU), CASES[name], inertia)
+    return clamped_above(hv.Compliance(20.0), hv.Coulomb(MU), CASES[name], inertia)
 
 
 @cache
@@ -98,6 +100,6 @@ def test_other_schemes_take_it(scheme: Scheme, name: str) -> None:
 
 def test_a_lost_margin_of_a_bound_that_depends_on_the_penetration_is_told() -> None:
     bound = hv.laws.PenetrationBound("min(8*s, 0.8)")
-    history = march(pressed(hv.Softening(20.0, 0.02, 10.0), hv.Tresca(bound), {}), 0.2, step=0.05)
+    history = march(clamped_above(hv.Softening(20.0, 0.02, 10.0), hv.Tresca(bound), {}), 0.2, step=0.05)
     assert (history["margin"][1:] <= 0.0).any()
     assert "may have several solutions" in history.uniqueness

@@ -19,7 +19,7 @@ from hemivar.solvers import Controls, Solution, Status
 from tests import bodies
 
 
-def column(ratio: float = 1.0) -> Evolution:
+def two_layers(ratio: float = 1.0) -> Evolution:
     """A column on springs under a sudden load, its lower half lighter by a factor."""
     mesh = hv.rectangle((1.0, 1.0), (1, 4))
     high = mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5
@@ -46,7 +46,7 @@ def closes(found: History) -> bool:
 )
 @pytest.mark.parametrize("ratio", [1.0, 1e-6, 1e-12, 1e-15])
 def test_a_march_that_finishes_closes_its_balance(scheme: Scheme, ratio: float) -> None:
-    found = march(column(ratio), 0.1, step=0.01, scheme=scheme)
+    found = march(two_layers(ratio), 0.1, step=0.01, scheme=scheme)
     if found.ended == "finished":
         assert closes(found)
         assert found["numerical"].min() > -0.5 * np.abs(found["work"]).max()
@@ -62,14 +62,14 @@ def test_a_march_that_finishes_closes_its_balance(scheme: Scheme, ratio: float) 
 
 def test_next_to_no_mass_is_reported() -> None:
     """The scheme as it is, without shorter steps, is twice as far off as it goes."""
-    found = march(column(1e-12), 0.1, step=hv.evolution.FixedStep(0.01, halvings=0), scheme=hv.evolution.Newmark())
+    found = march(two_layers(1e-12), 0.1, step=hv.evolution.FixedStep(0.01, halvings=0), scheme=hv.evolution.Newmark())
     assert found.ended == "inaccurate"
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-8])
 def test_what_the_residual_allows_is_no_alarm(rtol: float) -> None:
     for scheme in (hv.evolution.ImplicitEuler(), hv.evolution.Midpoint(), hv.evolution.Newmark()):
-        found = march(column(), 0.1, step=0.01, scheme=scheme, controls=Controls(rtol=rtol))
+        found = march(two_layers(), 0.1, step=0.01, scheme=scheme, controls=Controls(rtol=rtol))
         assert found.ended == "finished"
         assert len(found.times) == 11
 
@@ -77,7 +77,7 @@ def test_what_the_residual_allows_is_no_alarm(rtol: float) -> None:
 @pytest.mark.parametrize(("off", "status"), [(1e-3, Status.INACCURATE), (1e-11, Status.CONVERGED)])
 def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
     """Said to be converged, and off by a part of its size."""
-    discrete = discretize_evolution(column())
+    discrete = discretize_evolution(two_layers())
     advance = TimeStepper.of(discrete, hv.evolution.Newmark(), None, Controls())
     first = advance.take(initial_state(advance, 0.01), 0.01).state
 

@@ -13,11 +13,11 @@ from tests import bodies
 SPRING, DASHPOT, RUBBED = 20.0, 3.0, 0.02
 
 
-def moved(x: Array, t: float) -> Array:
+def growing_motion(x: Array, t: float) -> Array:
     return np.stack([0.2 * t**2 * (1.0 + x[:, 0]), -0.05 * t**2 + 0.0 * x[:, 0]], axis=1)
 
 
-def pushed(x: Array, t: float) -> Array:
+def growing_push(x: Array, t: float) -> Array:
     return np.stack([0.5 * t + 0.0 * x[:, 0], -0.3 * t**2 + 0.0 * x[:, 0]], axis=1)
 
 
@@ -31,8 +31,8 @@ def everything(inertia: bool) -> Evolution:
         density=1.0 if inertia else None,
         viscosity=(0.4, 0.4),
         branches=[hv.materials.Branch(lame=(2.0, 2.0), time=0.3), hv.materials.Branch(lame=(0.5, 1.0), time=0.1)],
-        supports={"top": hv.Prescribed(moved)},
-        body_force=pushed,
+        supports={"top": hv.Prescribed(growing_motion)},
+        body_force=growing_push,
     )
     return Evolution(problem, inertia=inertia)
 

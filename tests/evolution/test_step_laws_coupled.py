@@ -33,7 +33,7 @@ LAWS: dict[str, VectorLaw] = {
 }
 
 
-def body(law: VectorLaw, moving: bool, dim: int = 2, size: float = 1.0, **more: object) -> hv.ContactProblem:
+def body_on_law(law: VectorLaw, moving: bool, dim: int = 2, size: float = 1.0, **more: object) -> hv.ContactProblem:
     """A block on a law of its bottom, its top moved; all lengths are ``size`` times what they are."""
 
     def move(x: Array, t: float) -> Array:
@@ -64,9 +64,9 @@ def off_the_balance(history: hv.evolution.History) -> float:
 )
 def test_a_march_ends_where_statics_does(name: str, dim: int) -> None:
     """A slip counted from the last step closes the balance too, and ends elsewhere."""
-    history = hv.march(hv.Evolution(body(LAWS[name], True, dim)), 1.0, step=0.125, controls=TIGHT)
+    history = hv.march(hv.Evolution(body_on_law(LAWS[name], True, dim)), 1.0, step=0.125, controls=TIGHT)
     assert history.finished
-    static = hv.solve(body(LAWS[name], False, dim), controls=TIGHT).raise_for_status()
+    static = hv.solve(body_on_law(LAWS[name], False, dim), controls=TIGHT).raise_for_status()
     size = np.abs(static.displacement).max()
     np.testing.assert_allclose(history.frames[-1].displacement, static.displacement, atol=1e-8 * size)
     np.testing.assert_allclose(
@@ -80,9 +80,9 @@ def test_a_march_ends_where_statics_does(name: str, dim: int) -> None:
 
 def test_units_do_not_matter() -> None:
     """Millimetres for metres: glue as stiff per length."""
-    small = hv.march(hv.Evolution(body(LAWS["mixed-mode"], True)), 1.0, step=0.25)
+    small = hv.march(hv.Evolution(body_on_law(LAWS["mixed-mode"], True)), 1.0, step=0.25)
     glue = MixedMode(BilinearCohesion(strength=0.05, energy=4.0, stiffness=5e-3), ratio=1.5)
-    large = hv.march(hv.Evolution(body(glue, True, size=1e3)), 1.0, step=0.25)
+    large = hv.march(hv.Evolution(body_on_law(glue, True, size=1e3)), 1.0, step=0.25)
     np.testing.assert_allclose(large.frames[-1].displacement, 1e3 * small.frames[-1].displacement, rtol=1e-7, atol=1e-9)
 
 
@@ -120,7 +120,7 @@ def test_glue_beside_friction_counts_its_slip_from_the_start_and_friction_from_t
 @pytest.mark.parametrize("scheme", ["implicit-euler", "newmark", "generalized-alpha", "midpoint"])
 def test_bodies_with_mass_keep_the_balance(scheme: str) -> None:
     glue = MixedMode(BilinearCohesion(strength=0.05, energy=0.004, stiffness=5.0), 1.5, hv.Compliance(40.0))
-    evolution = hv.Evolution(body(glue, True, density=0.2), inertia=True)
+    evolution = hv.Evolution(body_on_law(glue, True, density=0.2), inertia=True)
     history = hv.march(evolution, 0.5, step=0.03125, scheme=scheme)
     assert history.finished
     assert off_the_balance(history) < 1e-10
@@ -129,8 +129,8 @@ def test_bodies_with_mass_keep_the_balance(scheme: str) -> None:
 def test_a_body_that_starts_slipped_begins_in_equilibrium() -> None:
     """The forces at the start are those of its place; nothing is out of balance, and nothing moves."""
     glue = MixedMode(BilinearCohesion(strength=0.05, energy=0.004, stiffness=5.0), 1.5)
-    static = hv.solve(body(glue, False), controls=hv.Controls(rtol=1e-12)).raise_for_status()
-    evolution = hv.Evolution(body(glue, False, density=1.0), inertia=True, displacement=static.displacement)
+    static = hv.solve(body_on_law(glue, False), controls=hv.Controls(rtol=1e-12)).raise_for_status()
+    evolution = hv.Evolution(body_on_law(glue, False, density=1.0), inertia=True, displacement=static.displacement)
     history = hv.march(evolution, 0.5, step=0.1, scheme="newmark")
     np.testing.assert_allclose(history.frames[0].multiplier, static.multiplier, atol=1e-10)
     assert (
@@ -140,7 +140,7 @@ def test_a_body_that_starts_slipped_begins_in_equilibrium() -> None:
 
 def test_what_is_not_known_beside_coupled_laws_is_refused() -> None:
     contact = hv.Contact(LAWS["mixed-mode"], damping=hv.Compliance(1.0))
-    problem = body(LAWS["mixed-mode"], True)
+    problem = body_on_law(LAWS["mixed-mode"], True)
     damped = hv.ContactProblem(problem.mesh, problem.material, {"bottom": contact}, problem.supports)
     with pytest.raises(hv.HemivarError, match="damping of the normal rate is not known beside it"):
         hv.march(hv.Evolution(damped), 1.0, step=0.5)

@@ -12,12 +12,12 @@ from hemivar.evolution import BDF2, Evolution, ImplicitEuler, Midpoint, MoreauJe
 STIFF, STRENGTH = 1000.0, 10.0
 
 
-def glue(of: str | None) -> hv.Contact:
+def glue_in_shear(of: str | None) -> hv.Contact:
     """A table of the slip that rises to its strength and falls: glue in shear."""
     return hv.Contact(hv.laws.Bilateral(), hv.laws.SlipTable(STRENGTH, [0.0, 0.01, 0.035], [0.0, 1.0, 0.0], of=of))
 
 
-def pulled(contact: dict[str, hv.Contact], time: bool = True, dim: int = 2) -> hv.ContactProblem:
+def glued_bar(contact: dict[str, hv.Contact], time: bool = True, dim: int = 2) -> hv.ContactProblem:
     """A stiff bar that is pulled along by half of what the glue bears, within one second."""
     mesh = hv.rectangle((4.0, 1.0), (4, 1)) if dim == 2 else hv.box((4.0, 1.0, 1.0), (2, 1, 1))
     along = np.eye(dim)[0]
@@ -33,8 +33,10 @@ def pulled(contact: dict[str, hv.Contact], time: bool = True, dim: int = 2) -> h
 @pytest.mark.parametrize("dim", [2, 3])
 def test_friction_of_the_slip_is_the_static_law_at_each_time(scheme: Scheme, dim: int) -> None:
     name = "bottom"
-    history = march(Evolution(pulled({name: glue("slip")}, dim=dim)), 3.0, step=0.25, scheme=scheme, stops=[1.0])
-    static = hv.solve(pulled({name: glue(None)}, time=False, dim=dim)).raise_for_status()
+    history = march(
+        Evolution(glued_bar({name: glue_in_shear("slip")}, dim=dim)), 3.0, step=0.25, scheme=scheme, stops=[1.0]
+    )
+    static = hv.solve(glued_bar({name: glue_in_shear(None)}, time=False, dim=dim)).raise_for_status()
     assert history.finished
     np.testing.assert_allclose(history.state.local.displacement, static.local, atol=1e-9)
     held = STIFF * static.contact.weights @ static.local[:, 1:]
@@ -49,7 +51,7 @@ def test_friction_of_the_slip_is_the_static_law_at_each_time(scheme: Scheme, dim
 
 def test_friction_of_the_rate_creeps() -> None:
     """``10 v/0.01 = 5`` per area: the bar slides at v = 0.005."""
-    history = march(Evolution(pulled({"bottom": glue("rate")})), 3.0, step=0.25, stops=[1.0])
+    history = march(Evolution(glued_bar({"bottom": glue_in_shear("rate")})), 3.0, step=0.25, stops=[1.0])
     moved = history.state.local.displacement[:, 1]
     np.testing.assert_allclose(moved, 0.005 * 0.5 + 0.005 * 2.0, rtol=0.1)
     assert history["friction"][-1] > 0.9 * history["work"][-1]
@@ -60,7 +62,9 @@ def test_other_boundaries_keep_friction_of_the_rate() -> None:
     found = []
     for of in (None, "rate"):
         above = hv.Contact(hv.laws.Bilateral(), hv.Tresca(1.0, of=of))
-        found.append(march(Evolution(pulled({"bottom": glue("slip"), "top": above})), 2.0, step=0.25, stops=[1.0]))
+        found.append(
+            march(Evolution(glued_bar({"bottom": glue_in_shear("slip"), "top": above})), 2.0, step=0.25, stops=[1.0])
+        )
     for history in found:
         contact, slip = history.discrete.problem.contact, np.abs(history.state.local.displacement[:, 1])
         bottom, top = contact.on("bottom"), contact.on("top")
@@ -78,7 +82,7 @@ def test_friction_with_a_length_has_no_default_in_time() -> None:
         hv.laws.Friction(1.0, hv.FormulaLaw("sqrt(1 + r^2)", even=True)),
     ):
         with pytest.raises(ProblemError, match="may be a law of the slip or of its rate; say of = 'slip'"):
-            march(Evolution(pulled({"bottom": hv.Contact(hv.laws.Bilateral(), friction)})), 1.0)
+            march(Evolution(glued_bar({"bottom": hv.Contact(hv.laws.Bilateral(), friction)})), 1.0)
     with pytest.raises(ProblemError, match="give 'slip' or 'rate'"):
         hv.Tresca(1.0, of="speed")
 
@@ -86,7 +90,7 @@ def test_friction_with_a_length_has_no_default_in_time() -> None:
 def test_what_needs_friction_of_the_rate_says_so() -> None:
     sums = hv.Contact(hv.laws.Bilateral(), hv.SlipWeakening(1.0, of="slip"), memory=(hv.laws.SlipSum(),))
     with pytest.raises(ProblemError, match="the memory needs one of its rate"):
-        march(Evolution(pulled({"bottom": sums})), 1.0)
+        march(Evolution(glued_bar({"bottom": sums})), 1.0)
     heavy = hv.ContactProblem(
         hv.rectangle(), hv.Material.young(1.0, 0.3, density=1.0),
         {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(1.0, of="slip"))}, {"top": "clamped"},

@@ -26,7 +26,7 @@ def of_material(material: hv.Material, *, inertia: bool = True, dim: int = 2) ->
     return Evolution(replace(made, material=material), inertia=inertia)
 
 
-def two(left: tuple[float, float], right: tuple[float, float], viscous: Array) -> Evolution:
+def two_halves(left: tuple[float, float], right: tuple[float, float], viscous: Array) -> Evolution:
     """A body of two halves, the constants of Lame of each and of its viscosity (2, 2)."""
 
     def halves(k: int, pairs: Array) -> object:
@@ -54,7 +54,7 @@ def test_a_multiple_is_seen_in_all_units(unit: float, dim: int) -> None:
 
 def test_a_multiple_is_seen_with_halves_of_very_different_stiffness() -> None:
     soft, hard = (2.0, 3.0), (2e8, 3e8)
-    assert damping_time(two(soft, hard, 0.1 * np.array([soft, hard]))) == pytest.approx(0.1, rel=1e-13)
+    assert damping_time(two_halves(soft, hard, 0.1 * np.array([soft, hard]))) == pytest.approx(0.1, rel=1e-13)
 
 
 @pytest.mark.parametrize("off", [1e-12, 1e-6, 0.5])
@@ -64,7 +64,7 @@ def test_what_is_nearly_a_multiple_is_none(off: float, which: int) -> None:
     soft, hard = (2.0, 3.0), (2e13, 3e13)
     viscous = 0.1 * np.array([soft, hard])
     viscous[which] *= 1.0 + off
-    assert damping_time(two(soft, hard, viscous)) is None
+    assert damping_time(two_halves(soft, hard, viscous)) is None
 
 
 def test_every_entry_is_looked_at_in_portions_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -46,7 +46,7 @@ def of_the_rate(problem: hv.ContactProblem) -> hv.ContactProblem:
     return replace(problem, contact=contact)
 
 
-def body(law: str, n: int = 8, viscosity: tuple[float, float] = (0.4, 0.4)) -> Evolution:
+def damped_body(law: str, n: int = 8, viscosity: tuple[float, float] = (0.4, 0.4)) -> Evolution:
     """One of the survey's bodies with mass and viscosity."""
     made = {
         "survey": lambda: gallery.survey("5.1", n, "right"),
@@ -56,7 +56,7 @@ def body(law: str, n: int = 8, viscosity: tuple[float, float] = (0.4, 0.4)) -> E
     return Evolution(replace(made, material=replace(made.material, density=1.0, viscosity=viscosity)), inertia=True)
 
 
-def glued(n: int = 4) -> Evolution:
+def debonding_square(n: int = 4) -> Evolution:
     """A block pulled off its glue, which breaks slowly."""
     bond = hv.Contact(hv.laws.NoContact(), memory=(hv.laws.Bonding(50.0, 0.05, 0.2),))
     problem = bodies.square(
@@ -90,7 +90,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 def test_a_step_that_stays_costs_two_half_sweeps_and_no_factorisation(law: str, counted: Counter[str]) -> None:
     if law == "cube" and factorisation.pardiso_available():
         pytest.skip("in space PARDISO takes the place of the factors whose sweeps are counted")
-    run = marching(body(law), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
+    run = marching(damped_body(law), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
     next(run)  # with the search for the largest step, whose bodies are condensed as well
     counted.clear()
     for _ in range(30):
@@ -112,7 +112,7 @@ def test_a_step_multiplies_by_each_matrix_once(law: str, others: bool, monkeypat
 
     viscosity = (0.4, 0.2) if others else (0.4, 0.4)
     run = marching(
-        body(law, viscosity=viscosity), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton())
+        damped_body(law, viscosity=viscosity), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton())
     )
     next(run)
     monkeypatch.setattr(Operator, "times", counting)
@@ -123,9 +123,9 @@ def test_a_step_multiplies_by_each_matrix_once(law: str, others: bool, monkeypat
 
 @pytest.mark.parametrize("longer", [0.3, 1.0, 1.9, 7.0])
 def test_a_step_begins_with_the_forces_of_its_prediction(longer: float) -> None:
-    advance, taken, _, _ = last(body("softening"), 12)
+    advance, taken, _, _ = last(damped_body("softening"), 12)
     stage = advance.take(taken[-1].state, longer * STEP).stages[0]
-    parts = forces(advance.discrete, stage.operator, stage.before, stage.place)
+    parts = forces(advance.discrete, stage.operator, stage.before, stage.prediction)
     parts.pop("inertial")  # none where the body is expected: see below
     size = sum(np.abs(part) for part in parts.values()) + np.abs(stage.load)
     rest = stage.problem.load - (stage.load - sum(parts.values()))
@@ -138,7 +138,7 @@ def test_a_step_begins_with_the_forces_of_its_prediction(longer: float) -> None:
 
 
 def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, taken, _, _ = last(body("softening"), 8)
+    _, taken, _, _ = last(damped_body("softening"), 8)
     before, state = taken[-1].before.multiplier, taken[-1].state
     change = state.multiplier - before
     assert np.abs(change).max() > 1e-4
@@ -148,7 +148,9 @@ def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: py
     np.testing.assert_array_equal(extrapolated_multiplier(state, 3.0 * STEP), state.multiplier)
 
     def equations() -> int:
-        run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
+        run = marching(
+            damped_body("softening", 16), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton())
+        )
         return sum(next(run).row.solver_steps for _ in range(40))
 
     told = equations()
@@ -168,7 +170,7 @@ def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: py
     ids=lambda scheme: scheme.name,
 )
 def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Scheme) -> None:
-    stated = body("survey").problem
+    stated = damped_body("survey").problem
     assert isinstance(stated, hv.ContactProblem)
     soft = replace(stated.material, branches=[hv.materials.Branch(lame=(2, 2), time=0.5)])
     discrete = discretize_evolution(Evolution(replace(stated, material=soft), inertia=scheme.takes_mass))
@@ -214,7 +216,7 @@ def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> N
 
 def test_a_step_of_coulomb_on_levels_begins_where_contact_is_expected() -> None:
     """Two solves of Newton's equation, the second to the end, where the sets of contact stay; and the right answer."""
-    stated = body("cube", 12)
+    stated = damped_body("cube", 12)
     problem = stated.problem
     rubs = dict.fromkeys(problem.contact, hv.Contact(hv.Compliance(50.0), hv.Coulomb(0.3)))
     stated = replace(stated, problem=replace(problem, contact=rubs))
@@ -237,20 +239,20 @@ def test_dense_algebra_of_a_step_takes_one_thread_where_all_is_on_levels(
         return contextlib.nullcontext()
 
     monkeypatch.setattr("hemivar.evolution.stepper.one_thread", noted)
-    march(body("survey"), 2.0 * STEP, step=STEP, method=method, save=NONE)
+    march(damped_body("survey"), 2.0 * STEP, step=STEP, method=method, save=NONE)
     assert asked == 2 * [method == "multigrid"]
 
 
 def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:
     control = hv.evolution.AdaptiveStep(rtol=1e-2, first_step=STEP)
-    history = march(body("survey"), 0.5, step=control, save=NONE, method=hv.solvers.NonsmoothNewton())
+    history = march(damped_body("survey"), 0.5, step=control, save=NONE, method=hv.solvers.NonsmoothNewton())
     lengths = np.unique(np.round(np.log2(history["step"][1:] / STEP), 9))
     assert history.times.size > 3 * lengths.size
     assert counted["factors"] <= lengths.size + 2  # and where steps were rejected
 
 
 def test_a_step_calls_few_functions() -> None:
-    run = marching(body("survey"), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
+    run = marching(damped_body("survey"), March(1.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
     for _ in range(10):
         next(run)
     with at_most_calls(20 * 600):
@@ -262,7 +264,7 @@ def test_a_step_calls_few_functions() -> None:
 def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
     def growth(n: int) -> float:
         """KiB for each of the steps 100 to 300."""
-        run = marching(body("survey", n), March(10.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
+        run = marching(damped_body("survey", n), March(10.0, step=STEP, save=NONE, method=hv.solvers.NonsmoothNewton()))
         for _ in range(100):
             next(run)
         gc.collect()
@@ -286,9 +288,9 @@ def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
 @pytest.mark.parametrize("law", ["survey", "softening", "cube"])
 def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     options = {"step": STEP, "save": NONE, "method": hv.solvers.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
-    quick = march(body(law), 20 * STEP, **options)
+    quick = march(damped_body(law), 20 * STEP, **options)
     monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", lambda *_: None)
-    searched = march(body(law), 20 * STEP, **options)
+    searched = march(damped_body(law), 20 * STEP, **options)
     for name in ("displacement", "velocity"):
         one, other = getattr(quick.state.body, name), getattr(searched.state.body, name)
         np.testing.assert_allclose(one, other, atol=1e-8 * np.abs(other).max())
@@ -312,13 +314,13 @@ def test_a_far_start_ends_at_the_solution_or_is_given_up(seed: int) -> None:
 
 
 def test_where_a_step_may_have_several_solutions_the_way_to_it_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, look = [], stage_solver.way_bends_downwards
+    asked, look = [], stage_solver.path_bends_downwards
 
     def looked_at(*given: Any) -> bool:
         asked.append(look(*given))
         return asked[-1]
 
-    monkeypatch.setattr(stage_solver, "way_bends_downwards", looked_at)
+    monkeypatch.setattr(stage_solver, "path_bends_downwards", looked_at)
     law = hv.laws.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
     problem = bodies.column(law, 1.0, top=hv.Fixed(y=lambda x, t: np.full(len(x), -t)))
     history = march(Evolution(problem), 0.05, step=0.01, save=NONE)
@@ -341,7 +343,7 @@ def last(evolution: Evolution, steps: int) -> tuple[TimeStepper, list[StepResult
 
 
 def test_the_largest_step_does_not_depend_on_what_was_asked_before(counted: Counter[str]) -> None:
-    advance, taken, _, told = last(glued(), 60)
+    advance, taken, _, told = last(debonding_square(), 60)
     assert len(set(told)) > 5  # the glue breaks
     spent = counted["factors"]
     assert spent < 20 + 2 * len(set(told))
@@ -350,7 +352,7 @@ def test_the_largest_step_does_not_depend_on_what_was_asked_before(counted: Coun
 
 
 def test_the_margin_changes_its_sign_at_the_largest_step() -> None:
-    advance, taken, _, told = last(glued(), 40)
+    advance, taken, _, told = last(debonding_square(), 40)
     before, largest = taken[-1].before, told[-1]
 
     def margin(step: float) -> float:
@@ -362,7 +364,7 @@ def test_the_margin_changes_its_sign_at_the_largest_step() -> None:
 
 
 def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
-    for evolution in (glued(), body("softening"), body("softening", 32)):
+    for evolution in (debonding_square(), damped_body("softening"), damped_body("softening", 32)):
         advance = TimeStepper.of(
             discretize_evolution(evolution), hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls()
         )
@@ -374,13 +376,13 @@ def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
 
 
 def test_no_force_of_inertia_acts_where_a_body_is_expected() -> None:
-    discrete = discretize_evolution(body("survey"))
+    discrete = discretize_evolution(damped_body("survey"))
     advance = TimeStepper.of(discrete, hv.evolution.ImplicitEuler(), hv.solvers.NonsmoothNewton(), hv.Controls())
     taken = advance.take(initial_state(advance), STEP)
     stage = advance.take(taken.state, STEP).stages[0]
-    whole = forces(discrete, stage.operator, stage.before, stage.place)
+    whole = forces(discrete, stage.operator, stage.before, stage.prediction)
     size = float(np.abs(discrete.mass.times(taken.state.body.velocity / STEP)).max())  # type: ignore[union-attr]
-    np.testing.assert_allclose(whole["inertial"], np.zeros_like(stage.place), atol=1e-12 * size)
+    np.testing.assert_allclose(whole["inertial"], np.zeros_like(stage.prediction), atol=1e-12 * size)
 
 
 def test_softening_is_infinite_where_a_law_falls_off_a_cliff() -> None:

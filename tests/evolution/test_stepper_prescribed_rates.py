@@ -174,7 +174,7 @@ def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
 SHAKES = "0.02*sin(6*t) + 0.02*abs(t - 0.5) - 0.01"
 
 
-def shaken(tilt: float = 0.0) -> Evolution:
+def shaken_foundation(tilt: float = 0.0) -> Evolution:
     """A body that is glued along its normal to a foundation which shakes, from a blow at the start on."""
     mesh = hv.rectangle((1.0, 0.5), (4, 2))
     c, s = np.cos(tilt), np.sin(tilt)
@@ -189,7 +189,7 @@ def shaken(tilt: float = 0.0) -> Evolution:
 @cache
 def shaken_exactly() -> tuple[Array, Array]:
     """Displacement and velocity (nodes, 2) at the end by DOP853, on what the foundation leaves free."""
-    discrete = discretize_evolution(shaken())
+    discrete = discretize_evolution(shaken_foundation())
     assert discrete.mass is not None
     assert discrete.viscosity is not None
     K, C, M = (part.inner.toarray() for part in (discrete.stiffness, discrete.viscosity, discrete.mass))
@@ -227,7 +227,7 @@ def shaken_exactly() -> tuple[Array, Array]:
 def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme, tilt: float) -> None:
     off = []
     for count in (300, 600):
-        history = march(shaken(tilt), END, step=END / count, scheme=scheme)
+        history = march(shaken_foundation(tilt), END, step=END / count, scheme=scheme)
         state = history.state
         back = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
         found = [history.discrete.full(part) @ back for part in (state.body.displacement, state.body.velocity)]
@@ -245,7 +245,7 @@ def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme,
 def test_an_impulse_that_is_not_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hemivar.evolution.initial._BLOW_STEPS", 1)
     with pytest.raises(hv.errors.ProblemError, match=r"t = 0 the impulse of the foundation .* could not be computed"):
-        march(shaken(), END, step=0.05, scheme=hv.evolution.Newmark())
+        march(shaken_foundation(), END, step=0.05, scheme=hv.evolution.Newmark())
 
 
 def warm() -> Evolution:

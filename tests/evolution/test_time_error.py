@@ -44,7 +44,7 @@ def rate_problem(seed: int) -> tuple[Evolution, float, int]:
         friction,
         damping=hv.Compliance(1.0 + rng.random()) if free else None,
     )
-    return body(rng, contact, lam_v, mu_v, moving=seed % 2 == 1), 0.2 + rng.random(), int(rng.integers(3, 7))
+    return random_strip(rng, contact, lam_v, mu_v, moving=seed % 2 == 1), 0.2 + rng.random(), int(rng.integers(3, 7))
 
 
 def place_problem(seed: int) -> tuple[Evolution, float, int]:
@@ -58,10 +58,14 @@ def place_problem(seed: int) -> tuple[Evolution, float, int]:
         hv.Softening(2.0, 0.03, 0.3 + 0.5 * rng.random()),
     )[seed % 4]
     contact = hv.Contact(normal, gap=0.02 * rng.random())
-    return body(rng, contact, lam_v, mu_v, moving=seed % 2 == 1), 0.2 + 2.0 * rng.random(), int(rng.integers(3, 7))
+    return (
+        random_strip(rng, contact, lam_v, mu_v, moving=seed % 2 == 1),
+        0.2 + 2.0 * rng.random(),
+        int(rng.integers(3, 7)),
+    )
 
 
-def body(rng: np.random.Generator, contact: hv.Contact, lam_v: float, mu_v: float, moving: bool) -> Evolution:
+def random_strip(rng: np.random.Generator, contact: hv.Contact, lam_v: float, mu_v: float, moving: bool) -> Evolution:
     lam, mu = 1.0 + 5.0 * rng.random(2)
     across, down = 0.5 * rng.standard_normal(), -0.2 - rng.random()
     pulled = float(rng.standard_normal())
@@ -124,7 +128,7 @@ def test_the_bound_holds_at_every_step(norm: str, seed: int) -> None:
     assert (error <= bound * (1.0 + 1e-6)).all(), (error, bound)
 
 
-def block(contact: hv.Contact, load: object) -> Evolution:
+def damped_spring(contact: hv.Contact, load: object) -> Evolution:
     """A unit square between rollers, modulus 3, viscosity 0.6, held at its top: one degree of freedom."""
     pull: Any = {"bottom": (0.0, load)}
     return Evolution(bodies.column(contact, 3.0, viscous=0.6, tractions=pull))
@@ -163,7 +167,7 @@ def test_the_effectivity_of_one_degree_of_freedom(norm: str) -> None:
     error.  That of laws of the displacement forgets: at t = 1/a it is nearer, and it falls with the error.
     """
     damped = {"damping": hv.Compliance(0.0)} if norm == "stiffness" else {}
-    evolution = block(hv.Contact(hv.laws.NoContact(), **damped), -1.0)  # type: ignore[arg-type]
+    evolution = damped_spring(hv.Contact(hv.laws.NoContact(), **damped), -1.0)  # type: ignore[arg-type]
     count = 100
     history = march(evolution, 3.0, step=3.0 / count)
     assert history.time_error.norm == norm, history.time_error.why
@@ -242,7 +246,7 @@ def test_the_bound_of_a_membrane() -> None:
 
 def test_the_bound_is_the_one_that_is_written() -> None:
     """The recursion for laws of the displacement, by quadrature: one degree of freedom, K = 3, C = 0.6, a spring 2."""
-    evolution = block(hv.Contact(hv.Compliance(2.0)), -1.0)
+    evolution = damped_spring(hv.Contact(hv.Compliance(2.0)), -1.0)
     problem = evolution.problem
     moving = hv.ContactProblem(
         mesh=problem.mesh,

@@ -43,13 +43,13 @@ def arm(contact: hv.Contact, cells: int = 20, **more: object) -> hv.ContactProbl
     return hv.ContactProblem(mesh=mesh, order=2, material=material, contact={"glue": contact}, **more)  # type: ignore[arg-type]
 
 
-def moved(contact: hv.Contact, rate: float) -> Evolution:
+def arm_moved(contact: hv.Contact, rate: float) -> Evolution:
     """Its end is moved away."""
     end = hv.Fixed(y=lambda x, t: np.full(len(x), rate * t))
     return Evolution(arm(contact, supports={"end": end, "far": "roller"}))
 
 
-def pulled(contact: hv.Contact, most: float) -> Evolution:
+def arm_under_load(contact: hv.Contact, most: float) -> Evolution:
     """A dead load grows there."""
     return Evolution(
         arm(contact, supports={"far": "roller"}, tractions={"end": lambda x, t: np.tile([0.0, most * t], (len(x), 1))})
@@ -85,7 +85,7 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 @pytest.mark.parametrize("name", LAWS)
 def test_steps_of_stiff_glue_cost_a_few_static_solves(name: str, solves: list[int]) -> None:
     """Elastic steps and steps in which the front softens; with a margin of -1e4."""
-    history = march(moved(LAWS[name], 0.5), 1.0, step=0.25)
+    history = march(arm_moved(LAWS[name], 0.5), 1.0, step=0.25)
     assert history.finished
     assert history.margin < -1e3
     assert not history["jumped"].any()
@@ -97,7 +97,7 @@ def test_steps_of_stiff_glue_cost_a_few_static_solves(name: str, solves: list[in
 @pytest.mark.parametrize("name", ["adhesive", "mixed mode"])
 def test_a_jump_of_stiff_glue_costs_tens_of_static_solves(name: str, solves: list[int]) -> None:
     """Under a dead load the front runs through at once, along 18 points."""
-    history = march(pulled(LAWS[name], 4.0), 1.0, step=0.25)
+    history = march(arm_under_load(LAWS[name], 4.0), 1.0, step=0.25)
     assert history.finished
     assert history["jumped"].sum() == 1
     assert max(solves) <= 51
@@ -276,7 +276,7 @@ def test_a_gap_that_opens_is_a_support_that_moves_away(steps: int) -> None:
 
 
 def test_a_step_that_softens_keeps_to_its_time() -> None:
-    evolution = pulled(LAWS["adhesive"], 2.0)
+    evolution = arm_under_load(LAWS["adhesive"], 2.0)
     assert march(evolution, 1.0, step=0.5, controls=hv.Controls(max_time=1e-9)).ended == "max_time"
 
 
@@ -284,7 +284,7 @@ def test_a_walk_keeps_to_the_time_that_a_step_may_take(monkeypatch: pytest.Monke
     """The clock of a step's limit goes on by one second whenever it is looked at: a jump of 40 takes longer than 3."""
     ticks = iter(range(100000))
     monkeypatch.setattr(walk, "Budget", lambda limit: SimpleNamespace(due=lambda: float(next(ticks) > limit)))
-    limited = march(pulled(LAWS["adhesive"], 4.0), 1.0, step=0.25, controls=hv.Controls(max_time=3.0))
+    limited = march(arm_under_load(LAWS["adhesive"], 4.0), 1.0, step=0.25, controls=hv.Controls(max_time=3.0))
     assert limited.ended == "max_time"
     assert limited.times[-1] >= 0.25
     assert next(ticks) < 10

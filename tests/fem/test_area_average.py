@@ -11,7 +11,7 @@ import hemivar as hv
 from hemivar.fem.area_average import area_average
 
 
-def membrane(cells: int, pattern: str, region: bool = False) -> hv.ContactProblem:
+def membrane_on_a_hill(cells: int, pattern: str, region: bool = False) -> hv.ContactProblem:
     """A membrane of tension 2 that is pressed onto a hill: where they touch, the pressure is 3.7 + 0.3 x."""
     mesh = hv.rectangle((2.0, 2.0), cells, pattern, origin=(-1.0, -1.0))
     law = hv.ScalarContact(hv.Signorini(), lambda x: 0.12 - 0.4 * (x**2).sum(axis=1), side="below")
@@ -27,7 +27,7 @@ def membrane(cells: int, pattern: str, region: bool = False) -> hv.ContactProble
 @pytest.mark.parametrize("region", [False, True])
 def test_the_pressure_over_an_area_is_that_of_the_load(pattern: str, region: bool) -> None:
     """Exactly: -2 div grad level - source; well inside of what touches, where there is no edge to resolve."""
-    found = hv.solve(membrane(32, pattern, region), rtol=1e-11).raise_for_status()
+    found = hv.solve(membrane_on_a_hill(32, pattern, region), rtol=1e-11).raise_for_status()
     mean, x = area_average(found.problem, found.pressure), found.problem.contact.points
     deep = np.hypot(*x.T) < 0.15
     assert deep.sum() > 3

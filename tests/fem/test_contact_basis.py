@@ -20,7 +20,7 @@ from tests.fem.test_mortar import blocks, turned
 PRESSURE, YOUNG = 10.0, 1000.0
 
 
-def pressed(law: hv.laws.Superpotential, degrees: float = 0.0, order: int = 2) -> hv.ContactProblem:
+def pressed_cube(law: hv.laws.Superpotential, degrees: float = 0.0, order: int = 2) -> hv.ContactProblem:
     """A unit cube, pressed from above on a foundation."""
     return hv.ContactProblem(
         turned(hv.box((1.0, 1.0, 1.0), 2), degrees),
@@ -58,7 +58,7 @@ def test_integrals_of_the_functions_are_positive_and_values_of_linear_fields_sta
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
 @pytest.mark.parametrize("law", [hv.Signorini(), hv.Compliance(500.0)], ids=["rigid", "springs"])
 def test_uniform_pressure_is_exact_on_a_foundation(law: hv.laws.Superpotential, degrees: float) -> None:
-    problem = pressed(law, degrees)
+    problem = pressed_cube(law, degrees)
     solution = hv.solve(problem).raise_for_status()
     contact = solution.problem.contact
     assert selects(contact.trace)
@@ -138,7 +138,7 @@ BARREL = hv.mechanics.Cylinder((0.5, 0.5, -49.98), (0.0, 1.0, 0.0), 50.0)
 @pytest.mark.parametrize("method", ["newton", "multigrid"])
 def test_full_contact_on_a_curved_foundation_leaves_no_overlap_at_nodes(contact: hv.Contact, method: str) -> None:
     problem = replace(
-        pressed(hv.Signorini()), contact={"bottom": contact}, supports={"top": hv.Clamped()}, tractions={}
+        pressed_cube(hv.Signorini()), contact={"bottom": contact}, supports={"top": hv.Clamped()}, tractions={}
     )
     solution = hv.solve(problem, hv.solvers.METHODS[method], controls=hv.Controls(rtol=1e-11)).raise_for_status()
     assert (solution.pressure > 0.0).all()
@@ -192,19 +192,19 @@ def test_a_curved_gap_keeps_the_order() -> None:
 @pytest.mark.parametrize("high", [1e-3, 1e6])
 def test_a_step_of_the_gap_is_no_interference(high: float) -> None:
     contact = {"bottom": hv.Contact(hv.Signorini(), gap=lambda x: np.where(x[:, 0] < 0.6, 0.0, high))}
-    problem = hv.discretize(replace(pressed(hv.Signorini()), contact=contact))
+    problem = hv.discretize(replace(pressed_cube(hv.Signorini()), contact=contact))
     assert set(problem.gap) == {0.0, high}
 
 
 def test_held_nodes_at_a_curved_foundation_do_not_overlap_it_between_them() -> None:
     """The gap touches at the middle of an edge that is clamped."""
     contact = {"bottom": hv.Contact(hv.Signorini(), gap=lambda x: (x[:, 1] - 0.25) ** 2)}
-    hv.discretize(replace(pressed(hv.Signorini()), contact=contact, supports={"left": hv.Clamped()}))
+    hv.discretize(replace(pressed_cube(hv.Signorini()), contact=contact, supports={"left": hv.Clamped()}))
 
 
 def test_penetration_is_that_of_nodes() -> None:
     contact = {"bottom": hv.Contact(hv.Compliance(50.0), gap=bowl)}
-    solution = hv.solve(replace(pressed(hv.Signorini()), contact=contact))
+    solution = hv.solve(replace(pressed_cube(hv.Signorini()), contact=contact))
     points, node = solution.contact.points, solution.contact.node
     assert points is not None
     depth = -solution.displacement[node, 2] - bowl(points)
@@ -216,7 +216,7 @@ def test_penetration_is_that_of_nodes() -> None:
 def test_methods_agree() -> None:
     """By multigrid, with linear elements below, and by condensation."""
     contact = {"bottom": hv.Contact(hv.Signorini(), hv.Tresca(2.0))}
-    problem = hv.discretize(replace(pressed(hv.Signorini()), contact=contact, body_force=(80.0, 30.0, 0.0)))
+    problem = hv.discretize(replace(pressed_cube(hv.Signorini()), contact=contact, body_force=(80.0, 30.0, 0.0)))
     tight = hv.Controls(rtol=1e-11)
     one, other = (hv.solve(problem, hv.solvers.METHODS[name], controls=tight) for name in ("multigrid", "newton"))
     off = np.abs(one.unknowns - other.unknowns).max()
@@ -227,7 +227,7 @@ def test_methods_agree() -> None:
 
 def test_linear_elements_stand_below() -> None:
     """A linear field is the same on both, its contact too; what a mesh has below comes next."""
-    problem = hv.discretize(pressed(hv.Signorini()))
+    problem = hv.discretize(pressed_cube(hv.Signorini()))
     step = coarser(problem)
     assert step is not None
     assert step.problem.field is not None

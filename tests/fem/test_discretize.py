@@ -522,7 +522,7 @@ def test_points_without_friction_are_named() -> None:
 WALLS = {"left": Roller(), "right": Roller()}
 
 
-def pressed(pressure: float, contact: Contact, **options: Any) -> ContactProblem:
+def survey_under_pressure(pressure: float, contact: Contact, **options: Any) -> ContactProblem:
     data = {
         "supports": WALLS,
         "body_force": 0.0,
@@ -543,7 +543,7 @@ def pressed(pressure: float, contact: Contact, **options: Any) -> ContactProblem
     ],
 )
 def test_held_by_the_foundation(pressure: float, contact: Contact) -> None:
-    assert discretize(pressed(pressure, contact)).contact_points == 5
+    assert discretize(survey_under_pressure(pressure, contact)).contact_points == 5
 
 
 @pytest.mark.parametrize(
@@ -557,7 +557,7 @@ def test_held_by_the_foundation(pressure: float, contact: Contact) -> None:
     ],
 )
 def test_not_held(pressure: float, contact: Contact, words: str) -> None:
-    problem = pressed(pressure, contact)
+    problem = survey_under_pressure(pressure, contact)
     with pytest.raises(ProblemError, match=words):
         discretize(problem)
     assert discretize(problem, check_coercivity=False).contact_points == 5
@@ -567,14 +567,14 @@ def test_loose_block() -> None:
     """A block that stands on a rigid foundation: friction must hold it, and its weight keep it from "
     "tipping."""
     rough, smooth = Contact(Signorini(), Tresca(0.5)), Contact(Signorini())
-    discretize(pressed(1.0, rough, supports={}))
+    discretize(survey_under_pressure(1.0, rough, supports={}))
     with pytest.raises(ProblemError, match="in balance"):
-        discretize(pressed(1.0, smooth, supports={}))
+        discretize(survey_under_pressure(1.0, smooth, supports={}))
     with pytest.raises(ProblemError, match=r"translation \(1, 0\)"):
-        discretize(pressed(1.0, rough, supports={}, tractions={"top": (0.6, -1.0)}))
+        discretize(survey_under_pressure(1.0, rough, supports={}, tractions={"top": (0.6, -1.0)}))
     tipping = {"top": lambda x: np.column_stack([0 * x[:, 0], 1.0 - 3.0 * x[:, 0]])}
     with pytest.raises(ProblemError, match="rotation"):
-        discretize(pressed(1.0, rough, supports={}, tractions=tipping))
+        discretize(survey_under_pressure(1.0, rough, supports={}, tractions=tipping))
 
 
 def test_loose_body_without_contact() -> None:

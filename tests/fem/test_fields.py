@@ -19,14 +19,14 @@ GRADIENT = np.array([[0.1, 0.3], [-0.2, 0.4]])
 STRAIN = 0.5 * (GRADIENT + GRADIENT.T)
 
 
-def problem(order: int = 1, **options: Any) -> ContactProblem:
+def loaded_rectangle(order: int = 1, **options: Any) -> ContactProblem:
     mesh = rectangle((2, 1), (4, 3), "cross")
     return ContactProblem(mesh, options.pop("material", Material.lame(3.0, 2.0)), order=order, **options)
 
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_linear_field(order: int) -> None:
-    source = problem(order)
+    source = loaded_rectangle(order)
     u = source.mesh.nodes(order) @ GRADIENT.T
     np.testing.assert_allclose(strain(source, u), np.broadcast_to(STRAIN, (48, 2, 2)), atol=1e-14)
     sigma = 3.0 * np.trace(STRAIN) * np.eye(2) + 4.0 * STRAIN
@@ -42,7 +42,7 @@ def test_linear_field(order: int) -> None:
 
 
 def test_plane_stress_von_mises() -> None:
-    source = problem(material=Material.young(5.0, 0.3, "stress"))
+    source = loaded_rectangle(material=Material.young(5.0, 0.3, "stress"))
     # uniaxial tension: eps_yy = -nu eps_xx, von Mises equals E eps_xx
     u = source.mesh.points * [0.01, -0.003]
     np.testing.assert_allclose(von_mises(source, u), 0.05)
@@ -78,7 +78,7 @@ def test_by_region_stress_uses_each_material() -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_nodal_average(order: int) -> None:
-    source = problem(order)
+    source = loaded_rectangle(order)
     constant = nodal_average(source, np.full((48, 2, 2), 3.0))
     assert constant.shape == (len(source.mesh.nodes(order)), 2, 2)
     np.testing.assert_allclose(constant, 3.0)
@@ -88,11 +88,11 @@ def test_nodal_average(order: int) -> None:
 
 
 def test_errors() -> None:
-    source = problem()
+    source = loaded_rectangle()
     with pytest.raises(ProblemError, match="order 1 on this mesh has shape"):
         strain(source, np.zeros((3, 2)))
     with pytest.raises(ProblemError, match="one entry per cell"):
         nodal_average(source, np.zeros(3))
-    discrete = discretize(problem(supports={"left": Clamped()}))
+    discrete = discretize(loaded_rectangle(supports={"left": Clamped()}))
     with pytest.raises(ProblemError, match="needs the material"):
         stress(discrete.field, np.zeros((9, 2)))

@@ -93,7 +93,7 @@ def test_curved_contact_ends_on_planes_of_symmetry(
     np.testing.assert_allclose(along_axes(found), along_axes(other), rtol=1e-6, atol=1e-9)
 
 
-def disc(times: int) -> Any:
+def curved_disc(times: int) -> Any:
     """A quarter of the unit disc with curved triangles, of a triangle whose longest side becomes the arc."""
     mesh = skfem.MeshTri2.from_mesh(skfem.MeshTri.init_refdom().refined(times))
     far = mesh.doflocs.sum(axis=0)
@@ -110,7 +110,7 @@ def test_a_disc_of_curved_triangles_in_a_tight_ring() -> None:
     exact = 0.01 * k * 2.0 * (LAM + MU) / (k + 2.0 * (LAM + MU))
     errors = []
     for times in (1, 2, 3):
-        basis = skfem.Basis(disc(times), skfem.ElementVector(skfem.ElementTriP2()))
+        basis = skfem.Basis(curved_disc(times), skfem.ElementVector(skfem.ElementTriP2()))
         held = {"left": {"u^1": 0.0}, "bottom": {"u^2": 0.0}}
         problem = FormBody(basis, elastic, supports=held).problem({"arc": tight})
         found = hv.solve(problem)

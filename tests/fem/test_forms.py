@@ -26,7 +26,7 @@ def elastic(u: Any, v: Any, w: Any) -> Any:
     return LAM * trace(strain) * div(v) + 2.0 * MU * ddot(strain, sym_grad(v))
 
 
-def named(mesh: Any) -> Any:
+def with_named_sides(mesh: Any) -> Any:
     """The mesh with the names of the sides of the library's rectangles and boxes."""
     last = mesh.p.shape[0] - 1
     ends = {"left": (0, 0.0), "right": (0, 1.0), "bottom": (last, 0.0), "top": (last, 1.0)}
@@ -39,10 +39,10 @@ def named(mesh: Any) -> Any:
 
 def grid(kind: Any, n: int) -> Any:
     sides = [np.linspace(0.0, 1.0, n + 1)] * (3 if kind in (skfem.MeshTet, skfem.MeshHex) else 2)
-    return named(kind.init_tensor(*sides))
+    return with_named_sides(kind.init_tensor(*sides))
 
 
-def pressed(basis: Any) -> FormBody:
+def pressed_form(basis: Any) -> FormBody:
     last = basis.mesh.p.shape[0]
     held = {f"u^{k + 1}": 0.0 for k in range(last - 1)} | {f"u^{last}": -0.05}
     return FormBody(basis, elastic, supports={"top": held})
@@ -54,7 +54,9 @@ RUBBED = hv.Contact(hv.Compliance(2.0), hv.Tresca(0.02))
 @pytest.mark.parametrize(("element", "order"), [(skfem.ElementTriP1, 1), (skfem.ElementTriP2, 2)])
 def test_lagrange_triangles_are_those_of_the_library(element: Any, order: int) -> None:
     basis = skfem.Basis(grid(skfem.MeshTri, 8), skfem.ElementVector(element()))
-    problem = hv.DiscreteProblem.of_forms(basis, elastic, supports=pressed(basis).supports, contact={"bottom": RUBBED})
+    problem = hv.DiscreteProblem.of_forms(
+        basis, elastic, supports=pressed_form(basis).supports, contact={"bottom": RUBBED}
+    )
     found = hv.solve(problem)
     own = hv.solve(
         hv.ContactProblem(
@@ -115,7 +117,7 @@ def test_names_of_facets_inside_of_the_mesh_hold_and_are_no_boundaries() -> None
 
 def test_points_of_a_rule_and_names_of_unknowns() -> None:
     basis = skfem.Basis(grid(skfem.MeshTri, 6), skfem.ElementVector(skfem.ElementTriP2()))
-    body = pressed(basis)
+    body = pressed_form(basis)
     soft = hv.Contact(hv.Compliance(2.0))
     forces = [hv.solve(body.problem({"bottom": soft}, at=at)).normal_force for at in ("nodes", 1, 3)]
     assert forces == pytest.approx([forces[0]] * 3, rel=0.02)
@@ -172,8 +174,8 @@ def test_distorted_hexahedra_in_any_order_are_split_without_gaps() -> None:
     # the corners of scikit-fem's cube, turned by a third about its diagonal
     turned = number[mesh.t][[0, 2, 3, 1, 6, 4, 5, 7]]
     mixed = np.where(np.arange(mesh.t.shape[1]) % 2, number[mesh.t], turned)
-    basis = skfem.Basis(named(skfem.MeshHex(places, mixed)), skfem.ElementVector(skfem.ElementHex1()))
-    field = pressed(basis).problem({"bottom": SOFT}).field
+    basis = skfem.Basis(with_named_sides(skfem.MeshHex(places, mixed)), skfem.ElementVector(skfem.ElementHex1()))
+    field = pressed_form(basis).problem({"bottom": SOFT}).field
     assert field is not None
     assert field.mesh.volumes.sum() == pytest.approx(1.0)
     assert field.mesh.facet_normals(field.mesh.boundary_facets)[1].sum() == pytest.approx(6.0)
@@ -197,7 +199,7 @@ def test_algebraic_levels_know_the_rigid_motions_of_a_form(mesh: Any, element: A
     counts = []
     for n in cells:
         basis = skfem.Basis(grid(mesh, n), skfem.ElementVector(element()))
-        problem = pressed(basis).problem({"bottom": rigid})
+        problem = pressed_form(basis).problem({"bottom": rigid})
         found, direct = hv.solve(problem, "multigrid"), hv.solve(problem, "newton")
         assert found.status is hv.Status.CONVERGED
         assert found.normal_force == pytest.approx(direct.normal_force, rel=1e-7)
@@ -211,7 +213,7 @@ def test_algebraic_levels_know_the_rigid_motions_of_a_form(mesh: Any, element: A
 @pytest.mark.slow
 def test_a_large_form_in_space_is_solved_by_levels_without_being_told() -> None:
     basis = skfem.Basis(grid(skfem.MeshHex, 18), skfem.ElementVector(skfem.ElementHex1()))
-    found = hv.solve(pressed(basis).problem({"bottom": RUBBED}))
+    found = hv.solve(pressed_form(basis).problem({"bottom": RUBBED}))
     assert found.method == "multigrid"
     assert found.evaluations <= 40
 
@@ -319,7 +321,7 @@ def test_a_coupling_of_one_way_is_told_in_any_units(c: float, e: float, eps: flo
         )
 
 
-def plate(n: int) -> Any:
+def bending_plate(n: int) -> Any:
     @skfem.BilinearForm
     def bending(u: Any, v: Any, w: Any) -> Any:
         def moment(t: Any) -> Any:
@@ -352,7 +354,7 @@ def test_a_plate_between_clamps_on_a_foundation_is_a_beam() -> None:
     middle = float(exact.sol(0.5)[0])
     errors = []
     for n in (8, 16, 32):
-        basis, bending = plate(n)
+        basis, bending = bending_plate(n)
         body = FormBody(basis, bending, load=weight, supports={"ends": 0.0, "long": {"u_n": 0.0}})
         found = hv.solve(body.problem({"plate": hv.Contact(hv.Compliance(BED))}))
         assert found.contact.weights.sum() == pytest.approx(0.25 * (1.0 - 1.0 / n))  # less what the clamps hold

@@ -31,7 +31,7 @@ def _pressure(x: Array) -> Array:
     return np.asarray(0.3 + np.abs(x[:, 0]))
 
 
-def problem(mesh: Mesh, **changes: Any) -> ContactProblem:
+def problem_on(mesh: Mesh, **changes: Any) -> ContactProblem:
     parts = {
         "material": Material.lame(3.0, 2.0),
         "contact": {"bottom": Contact(ThresholdCompliance(_pressure, 2.0), Tresca(0.1), gap=lambda x: 1.0 + x[:, 0])},
@@ -45,7 +45,7 @@ def problem(mesh: Mesh, **changes: Any) -> ContactProblem:
 @pytest.mark.parametrize("support", [Clamped(), Fixed(x=0.1), Fixed(y=0.0)], ids=["clamped", "x", "y"])
 def test_coarser_matrices_are_galerkin_products(name: str, support: Support) -> None:
     """On nested meshes the coarse elements are among the fine ones."""
-    statement = problem(MESHES[name](), supports={"left": support})
+    statement = problem_on(MESHES[name](), supports={"left": support})
     fine = discretize(statement, check_coercivity=False)
     step = coarser(fine)
     assert step is not None
@@ -59,7 +59,7 @@ def test_coarser_matrices_are_galerkin_products(name: str, support: Support) -> 
 
 
 def test_changed_load_gap_and_law_count() -> None:
-    fine = discretize(problem(rectangle((2, 1), (8, 4))))
+    fine = discretize(problem_on(rectangle((2, 1), (8, 4))))
     law = fine.law.take(np.arange(fine.contact_points)[::-1])
     changed = fine.with_(load=2.0 * fine.load, offset=fine.offset + np.array([1.0, 0.0]), law=law)
     before, after = coarser(fine), coarser(changed)
@@ -71,13 +71,13 @@ def test_changed_load_gap_and_law_count() -> None:
 
 
 def test_no_coarser_mesh() -> None:
-    for case in (problem(rectangle(cells=3)), problem(rectangle(cells=4), order=2)):
+    for case in (problem_on(rectangle(cells=3)), problem_on(rectangle(cells=4), order=2)):
         assert coarser(discretize(case)) is None
 
 
 @pytest.mark.parametrize("name", ["cross", "box"])
 def test_rigid_motions_carry_no_energy(name: str) -> None:
-    fine = discretize(problem(MESHES[name](), supports={}), check_coercivity=False)
+    fine = discretize(problem_on(MESHES[name](), supports={}), check_coercivity=False)
     motions = rigid_motions(fine.field)
     assert motions.shape == (fine.unknowns, 3 if fine.contact.components == 2 else 6)
     assert np.abs(fine.stiffness @ motions).max() < 1e-12 * abs(fine.stiffness).max()

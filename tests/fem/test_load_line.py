@@ -15,7 +15,7 @@ from hemivar.solvers import solve
 from tests import bodies
 
 
-def pulled(factor: float) -> ContactProblem:
+def in_proportion(factor: float) -> ContactProblem:
     """A square on a compliant foundation, its top moved and its sides loaded in proportion to a factor."""
     return bodies.square(
         Contact(Compliance(5.0), Tresca(0.05), gap=0.01),
@@ -28,7 +28,7 @@ def pulled(factor: float) -> ContactProblem:
 
 @pytest.mark.parametrize("factor", [0.0, 0.25, 0.5, 1.0, 1.5])
 def test_the_energy_of_prescribed_displacements_is_quadratic_in_them(factor: float) -> None:
-    line, own = LoadLine.of(pulled(1.0)), discretize(pulled(factor), check_coercivity=False)
+    line, own = LoadLine.of(in_proportion(1.0)), discretize(in_proportion(factor), check_coercivity=False)
     there = line.at(factor)
     u = np.random.default_rng(3).normal(size=own.unknowns)
     np.testing.assert_allclose(there.out_of_balance(u), own.out_of_balance(u), atol=1e-13)
@@ -45,7 +45,7 @@ def test_constant_loads_have_their_size_for_every_factor(constant: list[str], fa
         weight, pull = (1.0 if name in constant else part for name in ("body", "left"))
         material = Material.lame(3.0, 2.0) if linear else Material.hencky(20 / 3, 4.0, 0.25, 0.05)
         return replace(
-            pulled(part),
+            in_proportion(part),
             material=material,
             body_force=(0.1 * weight, -0.3 * weight),
             tractions={"left": (0.2 * pull, 0.0)},
@@ -69,6 +69,6 @@ def test_work_done_on_the_way_is_the_energy_at_its_end() -> None:
 
 @pytest.mark.parametrize("factor", [np.nan, np.inf, -np.inf])
 def test_load_factors_are_finite(factor: float) -> None:
-    for line in (LoadLine.of(pulled(1.0)), LoadLine(discretize(pulled(1.0)))):
+    for line in (LoadLine.of(in_proportion(1.0)), LoadLine(discretize(in_proportion(1.0)))):
         with pytest.raises(ProblemError, match="the load factor is"):
             line.at(factor)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.basics.types import Array
-from hemivar.fem.mortar import mortar
+from hemivar.basics.types import Array, BoolArray
+from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import paired
+from hemivar.mechanics.kinematics import BodyKinematics
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 
 PRESSURE, MATERIAL = 0.03, hv.Material.young(10.0, 0.3)
 
@@ -32,7 +34,7 @@ def blocks(upper: tuple[int, ...], lower: tuple[int, ...], degrees: float = 0.0)
     return turned(hv.Mesh.assembled({"u": make(size, upper, origin=shift), "l": make(size, lower)}), degrees)
 
 
-def pressed(mesh: hv.Mesh, contact: hv.Contact, order: int = 1) -> hv.ContactProblem:
+def pressed_pair(mesh: hv.Mesh, contact: hv.Contact, order: int = 1) -> hv.ContactProblem:
     """Pressed from above, with rollers on three sides: the stress is uniform."""
     sides = ["left", "front"][: mesh.dim - 1]
     held = {"l:bottom": hv.Roller()} | {f"{part}:{side}": hv.Roller() for part in "ul" for side in sides}
@@ -66,7 +68,7 @@ def test_uniform_pressure_goes_through_meshes_that_do_not_match(
     sizes: tuple[tuple[int, ...], tuple[int, ...]], order: int, friction: hv.laws.Friction, slave: str, degrees: float
 ) -> None:
     contact = hv.Contact(hv.Signorini(), friction, against="l:top", slave=slave)
-    solution = hv.solve(pressed(blocks(*sizes, degrees), contact, order))
+    solution = hv.solve(pressed_pair(blocks(*sizes, degrees), contact, order))
     assert solution.status is hv.Status.CONVERGED
     # a residual of 1e-12 of the load, over the weight of a point
     rounding = 1e-12 * PRESSURE / solution.problem.contact.weights
@@ -215,8 +217,12 @@ def test_no_order_is_lost_against_meshes_that_match() -> None:
         assert 0.9 * good < mixed < 1.1 * coarse
 
 
-def facets_of(mesh: hv.Mesh) -> tuple[Array, Array]:
-    return mesh.boundaries["u:bottom"], mesh.boundaries["l:top"]
+def sides_of(mesh: hv.Mesh) -> tuple[BoundaryRule, BoundaryRule]:
+    return boundary_rule(mesh, "u:bottom"), boundary_rule(mesh, "l:top")
+
+
+def joined(mesh: hv.Mesh, sides: tuple[BoundaryRule, BoundaryRule], without: BoolArray) -> Mortar:
+    return mortar(mesh, paired(mesh, sides, "pair"), without, BodyKinematics.of(MATERIAL, mesh.dim))
 
 
 @pytest.mark.parametrize("sizes", [PLANE, SPACE], ids=["plane", "space"])
@@ -225,11 +231,12 @@ def test_the_mean_jump_of_a_linear_field_is_none_and_weights_keep_the_area(
 ) -> None:
     mesh = blocks(*sizes)
     without = np.zeros(mesh.number_of_nodes, dtype=bool)
-    upper, lower = facets_of(mesh)
-    found = mortar(mesh, 1, paired(mesh, upper, lower, "pair"), without[upper])
+    sides = sides_of(mesh)
+    upper = sides[0].nodes
+    found = joined(mesh, sides, without[upper])
     assert np.abs(found.jump @ mesh.points).max() < 1e-14
     without[np.flatnonzero(mesh.points[:, 0] < 1e-9)] = True  # held with the left side
-    held = mortar(mesh, 1, paired(mesh, upper, lower, "pair"), without[upper])
+    held = joined(mesh, sides, without[upper])
     assert held.weights.sum() == pytest.approx(1.0, rel=1e-13)
     assert not without[held.nodes].any()
     assert np.abs(held.jump @ mesh.points).max() < 1e-14
@@ -239,14 +246,14 @@ def test_weights_where_both_ends_are_held() -> None:
     """In closed form: psi = 1 on the end facets (Wohlmuth 2000)."""
     mesh = blocks((5, 1), (4, 1))
     without = np.isin(mesh.points[:, 0], (0.0, 1.0))
-    found = mortar(mesh, 1, paired(mesh, *facets_of(mesh), "pair"), without[facets_of(mesh)[0]])
+    found = joined(mesh, sides_of(mesh), without[mesh.boundaries["u:bottom"]])
     order = np.argsort(mesh.points[found.nodes, 0])
     np.testing.assert_allclose(found.weights[order], [0.3, 0.2, 0.2, 0.3], rtol=1e-13)
 
 
 def test_meshes_that_match_are_joined_node_by_node() -> None:
     mesh = blocks((4, 2), (4, 3))
-    found = mortar(mesh, 1, paired(mesh, *facets_of(mesh), "pair"), np.zeros((4, 2), dtype=bool))
+    found = joined(mesh, sides_of(mesh), np.zeros((4, 2), dtype=bool))
     assert (np.diff(found.jump.indptr) == 2).all()
     np.testing.assert_allclose(np.sort(found.jump.data), np.repeat([-1.0, 1.0], 5), atol=1e-13)
 
@@ -256,8 +263,8 @@ def test_of_a_body_that_hangs_over_only_what_faces_the_other_counts(cut: float) 
     mesh = hv.Mesh.assembled(
         {"u": hv.rectangle((1.0, 1.0), (7, 2), origin=(cut, 1.0)), "l": hv.rectangle((1.0, 1.0), (5, 2))}
     )
-    for sides in (facets_of(mesh), facets_of(mesh)[::-1]):
-        found = mortar(mesh, 1, paired(mesh, *sides, "pair"), np.zeros(sides[0].shape, dtype=bool))
+    for sides in (sides_of(mesh), sides_of(mesh)[::-1]):
+        found = joined(mesh, sides, np.zeros(sides[0].nodes.shape, dtype=bool))
         assert found.weights.sum() == pytest.approx(1.0 - cut, rel=1e-12)
         assert (found.weights > 0.0).all()
         assert np.abs(found.jump @ mesh.points).max() < 1e-13
@@ -267,7 +274,7 @@ def test_the_gap_of_the_geometry_is_added_to_the_stated_one() -> None:
     mesh = hv.Mesh.assembled(
         {"u": hv.rectangle((1.0, 1.0), (7, 2), origin=(0.0, 1.01)), "l": hv.rectangle((1.0, 1.0), (5, 2))}
     )
-    discrete = hv.discretize(pressed(mesh, hv.Contact(hv.Signorini(), gap=0.02, against="l:top")))
+    discrete = hv.discretize(pressed_pair(mesh, hv.Contact(hv.Signorini(), gap=0.02, against="l:top")))
     np.testing.assert_allclose(discrete.offset[:, 0], 0.03, rtol=1e-12)
 
 
@@ -318,8 +325,8 @@ def test_slip_is_counted_in_facets_whatever_the_share_of_a_point(order: int, rev
 
 def test_a_much_softer_body_has_the_contact_points_then_the_finer_one_then_the_one_that_is_held_less() -> None:
     against = {"u:bottom": hv.Contact(hv.Signorini(), against="l:top")}
-    assert pressed(blocks((7, 3), (5, 4)), against["u:bottom"]).pair("u:bottom") == ("u:bottom", "l:top")
-    assert pressed(blocks((5, 3), (7, 4)), against["u:bottom"]).pair("u:bottom") == ("l:top", "u:bottom")
+    assert pressed_pair(blocks((7, 3), (5, 4)), against["u:bottom"]).pair("u:bottom") == ("u:bottom", "l:top")
+    assert pressed_pair(blocks((5, 3), (7, 4)), against["u:bottom"]).pair("u:bottom") == ("l:top", "u:bottom")
     alike = hv.ContactProblem(
         blocks((5, 3), (5, 4)),
         MATERIAL,
@@ -329,7 +336,7 @@ def test_a_much_softer_body_has_the_contact_points_then_the_finer_one_then_the_o
     assert alike.pair("u:bottom") == ("l:top", "u:bottom")
     for ratio, slave in ((3.0, "u:bottom"), (5.0, "l:top")):
         material = hv.Material.by_region({"u": hv.Material.young(ratio, 0.3), "l": hv.Material.young(1.0, 0.3)})
-        stiffer = replace(pressed(blocks((7, 3), (5, 4)), against["u:bottom"]), material=material)
+        stiffer = replace(pressed_pair(blocks((7, 3), (5, 4)), against["u:bottom"]), material=material)
         assert stiffer.pair("u:bottom")[0] == slave
 
 
@@ -378,7 +385,7 @@ def test_three_blocks_on_each_other_and_two_on_one() -> None:
 )
 def test_what_is_wrong_with_a_pair_is_told(change: dict[str, object], words: str) -> None:
     def stated() -> hv.DiscreteProblem:
-        return hv.discretize(pressed(blocks((7, 3), (5, 4)), hv.Contact(hv.Signorini(), **change)))  # type: ignore[arg-type]
+        return hv.discretize(pressed_pair(blocks((7, 3), (5, 4)), hv.Contact(hv.Signorini(), **change)))  # type: ignore[arg-type]
 
     with pytest.raises(hv.errors.ProblemError, match=words):
         stated()

@@ -17,7 +17,7 @@ SOFT = hv.Material.lame(4.0, 4.0)
 
 
 @cache
-def statement(kind: str) -> hv.ContactProblem:
+def odd_body(kind: str) -> hv.ContactProblem:
     """Bodies whose meshes have odd numbers of cells."""
     law = hv.Contact(hv.Signorini(), hv.Tresca(0.02))
     if kind in ("box", "loose"):
@@ -31,7 +31,7 @@ def statement(kind: str) -> hv.ContactProblem:
 
 @cache
 def step(kind: str) -> Coarser:
-    problem = hv.discretize(statement(kind), check_coercivity=False)
+    problem = hv.discretize(odd_body(kind), check_coercivity=False)
     graph = LevelNodes.of(problem)
     assert graph is not None
     found = coarser_by_nodes(problem, graph)
@@ -63,7 +63,7 @@ def test_rigid_motions_are_those_of_the_body() -> None:
 
 @pytest.mark.parametrize("kind", ["box", "pair"])
 def test_contact_points_are_some_of_the_fine_ones_and_share_their_area(kind: str) -> None:
-    problem, below = hv.discretize(statement(kind)), step(kind)
+    problem, below = hv.discretize(odd_body(kind)), step(kind)
     fine, coarse = problem.contact, below.problem.contact
     assert 0 < coarse.count < 0.6 * fine.count
     np.testing.assert_array_equal(coarse.points, fine.points[below.shared])
@@ -77,7 +77,7 @@ def test_contact_points_are_some_of_the_fine_ones_and_share_their_area(kind: str
 @pytest.mark.parametrize("kind", ["box", "pair"])
 def test_a_boundary_follows_the_nodes_that_were_left_on_it(kind: str) -> None:
     """Where coarse contact points do not move the fine ones do not: a jump of two bodies follows jumps alone."""
-    problem, below = hv.discretize(statement(kind)), step(kind)
+    problem, below = hv.discretize(odd_body(kind)), step(kind)
     fine, coarse = problem.contact, below.problem.contact
     for name in fine.names:
         y = np.cos(np.arange(below.problem.unknowns))

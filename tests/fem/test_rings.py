@@ -18,7 +18,7 @@ def steel(nu: float = NU) -> hv.Material:
     return hv.Material.young(E, nu, plane="axisymmetric")
 
 
-def shaken(mesh: hv.Mesh) -> hv.Mesh:
+def shaken_mesh(mesh: hv.Mesh) -> hv.Mesh:
     points = mesh.points.copy()
     low, high = points.min(axis=0), points.max(axis=0)
     inner = ((points > low + 1e-9) & (points < high - 1e-9)).all(axis=1)
@@ -32,7 +32,7 @@ def test_a_cylinder_under_pressure_has_its_uniform_stress(nu: float, order: int)
     """u_r = c r, u_z = d z (Lame); it stands on a plane, and nothing else holds it."""
     around, above = 0.5, 1.2
     problem = hv.ContactProblem(
-        shaken(hv.rectangle((1.0, 2.0), (5, 4))),
+        shaken_mesh(hv.rectangle((1.0, 2.0), (5, 4))),
         steel(nu),
         {"bottom": hv.Contact(hv.Signorini())},
         {},
@@ -144,7 +144,7 @@ def test_masses_and_loads_are_those_of_the_whole_ring() -> None:
 
 def test_reactions_balance_the_loads() -> None:
     problem = hv.ContactProblem(
-        shaken(hv.rectangle((1.0, 2.0), (5, 4))),
+        shaken_mesh(hv.rectangle((1.0, 2.0), (5, 4))),
         steel(),
         {"right": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.1), gap=-0.001)},
         {"bottom": hv.Clamped()},

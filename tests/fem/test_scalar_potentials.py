@@ -19,7 +19,7 @@ ENERGIES = [PowerLaw(4.0, 0.3, 1.5), PowerLaw(1.5, 0.1, 2.0, 3.0), SaturatingFlu
 FLAT = PowerLaw(2.0, 0.1, 1.0, 3.0)
 
 
-def membrane(coefficient: object, cells: int = 4, order: int = 1, top: float = 0.8) -> hv.ContactProblem:
+def strip_on_springs(coefficient: object, cells: int = 4, order: int = 1, top: float = 0.8) -> hv.ContactProblem:
     """A strip held at its top that meets springs at its bottom."""
     return hv.ScalarProblem(
         hv.rectangle((1.0, 1.0), cells),
@@ -59,7 +59,7 @@ def test_a_strip_without_load(energy: GradientEnergy, order: int, method: hv.sol
         return float(energy.profile(size).secant[0] * (0.8 - b)) - 5.0 * (b + 0.1)
 
     bottom = scipy.optimize.brentq(off, -0.1, 0.8, xtol=1e-15)
-    problem = membrane(energy, 4, order)
+    problem = strip_on_springs(energy, 4, order)
     solution = hv.solve(problem, method, hv.Controls(rtol=1e-11)).raise_for_status()
     np.testing.assert_allclose(solution.local[:, 0], bottom + 0.1, rtol=1e-9)
     slope, flux = gradient(problem, solution.displacement)
@@ -71,14 +71,14 @@ def test_a_strip_without_load(energy: GradientEnergy, order: int, method: hv.sol
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_linear_flux_as_an_energy(order: int) -> None:
     """p = 2 is the linear problem with A = 3; beside a linear region too."""
-    linear = hv.solve(membrane(3.0, order=order), rtol=1e-12)
-    other = hv.solve(membrane(FLAT, order=order), rtol=1e-12)
+    linear = hv.solve(strip_on_springs(3.0, order=order), rtol=1e-12)
+    other = hv.solve(strip_on_springs(FLAT, order=order), rtol=1e-12)
     np.testing.assert_allclose(other.displacement, linear.displacement, atol=1e-10)
     mesh = linear.problem.origin.mesh  # type: ignore[union-attr]
     high = mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5
     mesh = dataclasses.replace(mesh, regions={"high": np.flatnonzero(high), "low": np.flatnonzero(~high)})
     mixed = dataclasses.replace(
-        membrane(1.0, order=order), mesh=mesh, material=hv.Material.gradient({"high": 3.0, "low": FLAT})
+        strip_on_springs(1.0, order=order), mesh=mesh, material=hv.Material.gradient({"high": 3.0, "low": FLAT})
     )
     np.testing.assert_allclose(hv.solve(mixed, rtol=1e-12).displacement, linear.displacement, atol=1e-10)
 

@@ -15,7 +15,7 @@ PRESSURE = FOUNDATION * DEPTH
 LIMIT = FRICTION * PRESSURE / SHEAR  # the slip of the block at which its friction is used up
 
 
-def block(belt: object, friction: Friction, dim: int = 2) -> hv.ContactProblem:
+def cube_on_a_belt(belt: object, friction: Friction, dim: int = 2) -> hv.ContactProblem:
     """A cube pushed down by its top, whose sides let it shear uniformly: it has Poisson's ratio 0."""
 
     def down(x: Array) -> Array:
@@ -35,7 +35,7 @@ def block(belt: object, friction: Friction, dim: int = 2) -> hv.ContactProblem:
 @pytest.mark.parametrize("friction", [Tresca(FRICTION * PRESSURE), Coulomb(FRICTION)], ids=["tresca", "coulomb"])
 @pytest.mark.parametrize("part", [0.5, 2.0, -3.0])
 def test_a_belt_drags_a_block_as_far_as_friction_lets_it(part: float, friction: Friction) -> None:
-    solution = hv.solve(block((part * LIMIT, 0.3), friction))  # the part along the normal does not count
+    solution = hv.solve(cube_on_a_belt((part * LIMIT, 0.3), friction))  # the part along the normal does not count
     bottom = solution.displacement[np.isclose(hv.rectangle((1.0, 1.0), (2, 2)).points[:, 1], 0.0)]
     assert bottom[:, 0] == pytest.approx(np.clip(part, -1.0, 1.0) * LIMIT, rel=1e-9)
     assert bottom[:, 1] == pytest.approx(-DEPTH, rel=1e-9)
@@ -46,7 +46,7 @@ def test_a_belt_drags_a_block_as_far_as_friction_lets_it(part: float, friction: 
 def test_a_belt_may_run_along_any_way_in_space() -> None:
     way = np.array([0.6, -0.8, 0.0])
     for part in (0.5, 2.0):
-        solution = hv.solve(block(tuple(part * LIMIT * way), Tresca(FRICTION * PRESSURE), 3))
+        solution = hv.solve(cube_on_a_belt(tuple(part * LIMIT * way), Tresca(FRICTION * PRESSURE), 3))
         bottom = solution.displacement[np.isclose(hv.box((1.0, 1.0, 1.0), (2, 2, 2)).points[:, 2], 0.0)]
         assert bottom[:, :2] == pytest.approx(np.tile(min(part, 1.0) * LIMIT * way[:2], (len(bottom), 1)), rel=1e-8)
 
@@ -55,7 +55,7 @@ def test_a_belt_may_run_along_any_way_in_space() -> None:
 def test_a_belt_that_runs_is_held_until_its_friction_is_used_up(friction: Friction) -> None:
     """It sticks up to t = 0.5, slips from then on, and loses the friction times the way."""
     speed = 2.0 * LIMIT
-    evolution = hv.Evolution(block(lambda x, t: np.tile([speed * t, 0.0], (len(x), 1)), friction))
+    evolution = hv.Evolution(cube_on_a_belt(lambda x, t: np.tile([speed * t, 0.0], (len(x), 1)), friction))
     found = hv.march(evolution, 2.0, step=0.1, save=hv.evolution.Save(every=0.1))
     for frame in found.frames:
         bottom = frame.displacement[np.isclose(evolution.problem.mesh.points[:, 1], 0.0)]
@@ -78,4 +78,4 @@ def test_a_belt_that_runs_is_held_until_its_friction_is_used_up(friction: Fricti
 )
 def test_bad_belts_are_named(belt: object, words: str) -> None:
     with pytest.raises(hv.HemivarError, match=words):
-        hv.discretize(block(belt, Tresca(1.0)))
+        hv.discretize(cube_on_a_belt(belt, Tresca(1.0)))

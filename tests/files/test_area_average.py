@@ -9,11 +9,11 @@ import numpy as np
 import hemivar as hv
 from hemivar.fem.area_average import area_average
 from hemivar.files.vtu import write_vtu
-from tests.fem.test_area_average import membrane
+from tests.fem.test_area_average import membrane_on_a_hill
 
 
 def test_files_have_both(tmp_path: Path) -> None:
-    found = hv.solve(membrane(8, "cross"))
+    found = hv.solve(membrane_on_a_hill(8, "cross"))
     write_vtu(found, tmp_path / "m.vtu")
     import meshio
 

@@ -12,7 +12,7 @@ import skfem
 from scipy.spatial import cKDTree
 
 import hemivar as hv
-from tests.fem.test_forms import RUBBED, grid, pressed
+from tests.fem.test_forms import RUBBED, grid, pressed_form
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ from tests.fem.test_forms import RUBBED, grid, pressed
 )
 def test_a_file_holds_the_field_at_the_nodes_of_the_basis(mesh: Any, element: Any, cells: int, tmp_path: Path) -> None:
     basis = skfem.Basis(grid(mesh, 3), skfem.ElementVector(element()))
-    body = pressed(basis)
+    body = pressed_form(basis)
     problem = body.problem({"bottom": RUBBED}, at=1 if element is skfem.ElementTetP2 else "nodes")
     found = hv.solve(problem)
     written = meshio.read(found.to_vtu(tmp_path / "body.vtu"))

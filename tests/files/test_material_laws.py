@@ -57,7 +57,7 @@ SAID = {
 }  # fmt: skip
 
 
-def text_of(material: str, mesh: str = PLANE) -> str:
+def material_text(material: str, mesh: str = PLANE) -> str:
     return f'[mesh]\n{mesh}\n[material]\n{material}\n[supports]\nleft = "clamped"\n'
 
 
@@ -70,7 +70,7 @@ def read(text: str) -> ContactProblem:
 @pytest.mark.parametrize("name", SAID)
 def test_what_a_file_says_is_the_material(name: str, tmp_path: Path) -> None:
     said, material = SAID[name]
-    problem = read(text_of(said))
+    problem = read(material_text(said))
     assert difference(problem.material, material) is None
     points, strain = np.zeros((3, 2)), np.array([[0.01, 0.02, 0.0], [0.0, -0.1, 0.05], [0.1, 0.0, 0.0]])
     np.testing.assert_array_equal(problem.material.stress(points, strain), material.stress(points, strain))
@@ -82,7 +82,7 @@ def test_what_a_file_says_is_the_material(name: str, tmp_path: Path) -> None:
 
 
 def test_constants_may_be_formulas(tmp_path: Path) -> None:
-    problem = read(text_of('law = "hencky"\nbulk = "6 + x"\nshear = 4\nsoftened = 0.25\nstrain = "0.05*(1 + y)"'))
+    problem = read(material_text('law = "hencky"\nbulk = "6 + x"\nshear = 4\nsoftened = 0.25\nstrain = "0.05*(1 + y)"'))
     other = Material.hencky(lambda x: 6 + x[:, 0], 4.0, 0.25, lambda x: 0.05 * (1.0 + x[:, 1]))
     points, strain = np.random.default_rng(0).uniform(size=(5, 2)), np.full((5, 3), 0.03)
     np.testing.assert_allclose(problem.material.stress(points, strain), other.stress(points, strain), rtol=1e-14)
@@ -109,7 +109,7 @@ def read_back(path: Path) -> ContactProblem:
 
 
 def test_functions_cannot_be_written(tmp_path: Path) -> None:
-    own = Material.potential(energy, stress, tangent, reach=1.0)
+    own = Material.potential(energy, linear_stress, tangent, reach=1.0)
     problem = hv.ContactProblem(hv.rectangle(cells=1), own, supports={"left": hv.Clamped()})
     with pytest.raises(ProblemError, match="material is a FunctionEnergy, which a problem file cannot express"):
         hv.write_problem(problem, tmp_path / "p.toml")
@@ -119,7 +119,7 @@ def energy(strain: np.ndarray) -> np.ndarray:
     return np.asarray((strain**2).sum(axis=1))
 
 
-def stress(strain: np.ndarray) -> np.ndarray:
+def linear_stress(strain: np.ndarray) -> np.ndarray:
     return np.asarray(2.0 * strain)
 
 
@@ -136,7 +136,7 @@ def without(text: str, key: str) -> str:
     return "".join(f"{line}\n" for line in text.splitlines() if not line.startswith(key))
 
 
-def changed(text: str, line: str) -> str:
+def with_line(text: str, line: str) -> str:
     return without(text, line.split(" ")[0]) + line + "\n"
 
 
@@ -156,22 +156,22 @@ BAD = {
     ),
     "no law at all": ("bulk = 6.7\nshear = 4.0", r"no elastic constants are given; give lame.* or a law"),
     "unknown key": (HENCKY + "soft = 1", r"soft: unknown key; did you mean 'softened'\?"),
-    "negative bulk": (changed(HENCKY, "bulk = -1"), r"constant bulk = -1; it must be positive"),
-    "zero strain": (changed(HENCKY, "strain = 0"), r"constant strain = 0; it must be positive"),
-    "softened above one": (changed(HENCKY, "softened = 1.5"), r"constant softened = 1\.5; it must not exceed 1"),
-    "a text that is no formula": (changed(HENCKY, 'bulk = "6 +"'), r"bulk: formula '6 \+'"),
-    "a formula of time": (changed(HENCKY, 'bulk = "6 + t"'), r"bulk: formula '6 \+ t' uses t, but"),
-    "a formula of z": (changed(HENCKY, 'bulk = "6 + z"'), r"uses z, but the mesh is plane"),
+    "negative bulk": (with_line(HENCKY, "bulk = -1"), r"constant bulk = -1; it must be positive"),
+    "zero strain": (with_line(HENCKY, "strain = 0"), r"constant strain = 0; it must be positive"),
+    "softened above one": (with_line(HENCKY, "softened = 1.5"), r"constant softened = 1\.5; it must not exceed 1"),
+    "a text that is no formula": (with_line(HENCKY, 'bulk = "6 +"'), r"bulk: formula '6 \+'"),
+    "a formula of time": (with_line(HENCKY, 'bulk = "6 + t"'), r"bulk: formula '6 \+ t' uses t, but"),
+    "a formula of z": (with_line(HENCKY, 'bulk = "6 + z"'), r"uses z, but the mesh is plane"),
     "a formula that turns negative": (
-        changed(HENCKY, 'bulk = "x - 0.5"'),
+        with_line(HENCKY, 'bulk = "x - 0.5"'),
         r"bulk = -\S+ at x = \[.*; it must be positive",
     ),
-    "a list": (changed(HENCKY, "bulk = [1.0]"), r"bulk: must be a number or a formula in quotes, not a list"),
-    "poisson too large": (changed(STEEL, "poisson = 0.5"), r"constant nu = 0\.5; it must lie between -1 and 0\.5"),
-    "exponent below one": (changed(STEEL, "exponent = 0.5"), r"exponent: is 0\.5; it must be at least 1"),
-    "exponent far too large": (changed(STEEL, "exponent = 1e6"), r"exponent = 1e\+06; it must be 1 to 1000"),
+    "a list": (with_line(HENCKY, "bulk = [1.0]"), r"bulk: must be a number or a formula in quotes, not a list"),
+    "poisson too large": (with_line(STEEL, "poisson = 0.5"), r"constant nu = 0\.5; it must lie between -1 and 0\.5"),
+    "exponent below one": (with_line(STEEL, "exponent = 0.5"), r"exponent: is 0\.5; it must be at least 1"),
+    "exponent far too large": (with_line(STEEL, "exponent = 1e6"), r"exponent = 1e\+06; it must be 1 to 1000"),
     "linear_from zero": (STEEL + "linear_from = 0", r"linear_from = 0; it must be positive"),
-    "units of giants": (changed(LOCKING, "bulk = 1e150"), r"bulk = 1e\+150; it must lie between .* other units"),
+    "units of giants": (with_line(LOCKING, "bulk = 1e150"), r"bulk = 1e\+150; it must lie between .* other units"),
     "unknown measure": (LOCKING + 'measure = "volume"', r"measure: 'volume' is not known"),
     "unknown plane": (LOCKING + 'plane = "both"', r"plane: 'both' is not known"),
     "not convex": (
@@ -217,7 +217,7 @@ BAD = {
 def test_bad_input_is_refused_in_words(name: str) -> None:
     material, words = BAD[name]
     with pytest.raises(ProblemError, match=words) as caught:
-        parse_problem(text_of(material))
+        parse_problem(material_text(material))
     message = str(caught.value)
     assert message.startswith("problem: [material]")
     assert "\n" not in message
@@ -232,7 +232,7 @@ def test_bad_input_is_refused_in_words(name: str) -> None:
 )
 def test_in_space_it_is_refused_in_words(material: str, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
-        parse_problem(text_of(material, SPACE))
+        parse_problem(material_text(material, SPACE))
 
 
 def test_the_page_lists_every_material_with_its_constants() -> None:

@@ -14,7 +14,7 @@ from hemivar.files.problem_file import parse_problem
 from hemivar.mechanics import Plane, Sphere
 from hemivar.mechanics.obstacles import Obstacle
 from hemivar.mesh import Mesh
-from tests.mechanics.test_obstacles import block
+from tests.mechanics.test_obstacles import square_over
 from tests.mesh.meshes import cube
 
 HEAD = """\
@@ -55,7 +55,7 @@ normal = "signorini"
 )
 def test_obstacles_in_problem_files(text: str, obstacle: Obstacle, normals: str | None) -> None:
     found = discretize(parse_problem(f"{HEAD}{text}\n"))
-    expected = discretize(block(obstacle, normals))
+    expected = discretize(square_over(obstacle, normals))
     np.testing.assert_allclose(found.gap, expected.gap, atol=1e-12)
     np.testing.assert_allclose(found.contact.frames, expected.contact.frames, atol=1e-8)
 

@@ -56,7 +56,7 @@ class Sample:
     hidden: int = 3
 
 
-def table(**data: object) -> TomlTable:
+def toml_table(**data: object) -> TomlTable:
     return TomlTable(data, "a.toml", "sample", None)
 
 
@@ -67,17 +67,19 @@ FULL = {
 
 
 def test_what_is_written_is_read_again() -> None:
-    read = Sample(**decode(Sample, table(**FULL), 2, more=lambda given: given.data["more"]))
+    read = Sample(**decode(Sample, toml_table(**FULL), 2, more=lambda given: given.data["more"]))
     assert read.name == "x.csv"
     assert isinstance(read.load, Formula)
     assert encode(read, more=list) == FULL
-    assert difference(read, Sample(**decode(Sample, table(**FULL), 2, more=lambda given: given.data["more"]))) is None
+    assert (
+        difference(read, Sample(**decode(Sample, toml_table(**FULL), 2, more=lambda given: given.data["more"]))) is None
+    )
 
 
 def test_what_has_its_default_is_not_written() -> None:
     assert encode(Sample(2.0)) == {"length": 2.0}
     assert encode(Sample(2.0, place=np.zeros(2))) == {"length": 2.0}
-    assert decode(Sample, table(length=2)) == {"length": 2.0}
+    assert decode(Sample, toml_table(length=2)) == {"length": 2.0}
 
 
 @pytest.mark.parametrize(
@@ -101,7 +103,7 @@ def test_what_has_its_default_is_not_written() -> None:
 )
 def test_refused_in_one_line(given: dict[str, object], words: str) -> None:
     with pytest.raises(ProblemError, match=re.escape(words)):
-        decode(Sample, table(**({"length": 1} if given else {}) | given), 2)
+        decode(Sample, toml_table(**({"length": 1} if given else {}) | given), 2)
 
 
 def test_functions_are_refused() -> None:

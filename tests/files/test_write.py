@@ -150,7 +150,7 @@ def vectors(dim: int) -> st.SearchStrategy[object]:
     return plain | one.map(lambda v: FormulaArray(tuple(v), (dim,)))
 
 
-def tables(folder: Path) -> list[Path]:
+def written_tables(folder: Path) -> list[Path]:
     law, slip, bound = folder / "law.csv", folder / "slip table.csv", folder / "bound.csv"
     law.write_text("r,derivative\n-0.1,0\n0,0\n0.1,2\n0.1,0.5\n0.3,0.1\n", encoding="utf-8")
     slip.write_text("derivative;r\n1;0\n0.25;0.1\n", encoding="utf-8")
@@ -161,7 +161,7 @@ def tables(folder: Path) -> list[Path]:
 @st.composite
 def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.laws.Superpotential | hv.laws.Friction:
     """A law by its name, with parameters in every form that a file can hold."""
-    law, slip, bound = tables(folder)
+    law, slip, bound = written_tables(folder)
     values: dict[str, object] = {}
     for parameter in entry.parameters:
         if not parameter.required and parameter.key != "potential" and draw(st.booleans()):
@@ -535,7 +535,7 @@ def test_a_folder_that_is_a_link_is_no_obstacle(tmp_path: Path) -> None:
     real = tmp_path / "real" / "deep"
     real.mkdir(parents=True)
     os.symlink(real, tmp_path / "link")
-    tables(tmp_path)
+    written_tables(tmp_path)
     problem = stated(contact={"bottom": hv.Contact(hv.laws.read_law_table(tmp_path / "law.csv"))})
     hv.write_problem(problem, tmp_path / "link" / "p.toml")
     assert "../../law.csv" in (real / "p.toml").read_text(encoding="utf-8")

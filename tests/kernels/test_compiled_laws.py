@@ -48,7 +48,7 @@ FRICTION: dict[str, Friction] = {
 }
 
 
-def random_law(seed: int) -> Superpotential:
+def random_table(seed: int) -> Superpotential:
     """A table with jumps up and down, pieces that fall, and ends here and there."""
     rng = np.random.default_rng(seed)
     count, rows = int(rng.integers(1, 7)), int(rng.choice([1, M]))
@@ -131,7 +131,7 @@ def test_named_laws_answer_as_in_numpy(normal: str, friction: str) -> None:
 def test_random_tables_answer_as_in_numpy(seed: int) -> None:
     bound = np.random.default_rng(seed).uniform(0.0, 2.0, M)
     compare(
-        ContactLaw(random_law(seed), hv.laws.SlipTable(bound, [0.0, 0.2, 0.2], [1.0, 0.9, 0.3])), 2 + seed % 2, seed
+        ContactLaw(random_table(seed), hv.laws.SlipTable(bound, [0.0, 0.2, 0.2], [1.0, 0.9, 0.3])), 2 + seed % 2, seed
     )
 
 

@@ -42,11 +42,11 @@ def forget() -> Iterator[None]:
     kernels()
 
 
-def square(n: int = 64) -> DiscreteProblem:
+def survey_square(n: int = 64) -> DiscreteProblem:
     return hv.discretize(gallery.survey("5.1", n, "right"))
 
 
-def cube(n: int = 12) -> DiscreteProblem:
+def survey_cube(n: int = 12) -> DiscreteProblem:
     return hv.discretize(gallery.survey_cube("5.1", n))
 
 
@@ -79,7 +79,7 @@ def test_a_library_that_is_damaged_or_of_another_version_is_left_alone(
 
 
 @built
-@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("make", [survey_square, survey_cube])
 @pytest.mark.parametrize("law", ["stated", "stiff friction"])
 def test_contact_and_linear_solves_agree_with_those_without(
     make: object, law: str, monkeypatch: pytest.MonkeyPatch, forget: None
@@ -103,7 +103,7 @@ def test_contact_and_linear_solves_agree_with_those_without(
 
 
 @built
-@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("make", [survey_square, survey_cube])
 def test_rows_of_contact_unknowns_are_changed_as_without(make: object) -> None:
     problem = make()  # type: ignore[operator]
     levels = ElasticMultigrid.of(problem).levels
@@ -170,7 +170,7 @@ stated = gallery.survey("5.1", 16, "right")
 stated = replace(stated, material=replace(stated.material, density=1.0, viscosity=(0.4, 0.4)))
 print(hashlib.sha256(hv.solve(stated).unknowns.tobytes()).hexdigest())
 history = hv.march(hv.Evolution(stated, inertia=True), 0.1, step=0.01)
-print(hashlib.sha256(history.moment.body.displacement.tobytes()).hexdigest())
+print(hashlib.sha256(history.state.body.displacement.tobytes()).hexdigest())
 assert kernels() is not None
 print(threads(), file=sys.stderr)
 """
@@ -411,7 +411,7 @@ def test_a_diagonal_is_found_without_reading_all_entries(monkeypatch: pytest.Mon
 
 @built
 def test_copies_of_a_hierarchy_work_by_themselves() -> None:
-    problem = square(24)
+    problem = survey_square(24)
     hierarchy = ElasticMultigrid.of(problem).hierarchy
     expected = hierarchy.solve(problem.load)[0]
     for other in (copy.deepcopy(hierarchy), pickle.loads(pickle.dumps(hierarchy))):

@@ -105,7 +105,7 @@ def laws(dim: int) -> dict[str, ConstitutiveLaw]:
     }
 
 
-def same(found: EdgeBlocks, expected: EdgeBlocks, mesh: Mesh) -> None:
+def same_blocks(found: EdgeBlocks, expected: EdgeBlocks, mesh: Mesh) -> None:
     """But for rounding, as far as each block may feel it: rows of small cells have small entries."""
     size = np.sqrt(np.einsum("ncc->n", expected.diagonal))
     low, high = expected.edges.T
@@ -123,7 +123,7 @@ def test_blocks_are_those_of_numpy(name: str, law: str, without: Callable[[Calla
     stated, graph = laws(mesh.dim)[law], node_graph(mesh, 1)
     expected = without(lambda: stiffness_blocks(mesh, stated, graph))
     assert isinstance(expected, EdgeBlocks)
-    same(stiffness_blocks(mesh, stated, graph), expected, mesh)
+    same_blocks(stiffness_blocks(mesh, stated, graph), expected, mesh)
 
 
 @pytest.mark.parametrize("law", ["varying tensor", "varying flux"])
@@ -152,7 +152,7 @@ def test_tangents_of_a_body_that_is_not_linear(name: str, without: Callable[[Cal
     field = 0.05 * np.random.default_rng(2).standard_normal(mesh.points.shape)
     expected = without(lambda: energy.blocks(field))
     assert isinstance(expected, EdgeBlocks)
-    same(energy.blocks(field), expected, mesh)
+    same_blocks(energy.blocks(field), expected, mesh)
 
 
 @pytest.mark.parametrize("free", ["all", "some", "nodes", "none"])

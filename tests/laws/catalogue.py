@@ -1,6 +1,8 @@
-"""Nonmonotone laws shared by the tests."""
+"""Laws shared by the tests: nonmonotone ones, and every law by name that nothing here is about."""
 
 from __future__ import annotations
+
+from typing import cast
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from hemivar.laws import (
     Capped,
     FinitePenetration,
     FormulaLaw,
+    Friction,
     FunctionLaw,
     Layered,
     Logarithmic,
@@ -20,6 +23,7 @@ from hemivar.laws import (
     Superpotential,
     table_law,
 )
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
 
 LAWS: dict[str, Superpotential] = {
     "softening": Softening(2.0, 0.1, 0.5),
@@ -50,6 +54,34 @@ LAWS: dict[str, Superpotential] = {
     "own potential": FunctionLaw(lambda r: np.log1p(np.abs(r)), lambda r: np.sign(r) / (1.0 + np.abs(r)), kinks=[0.0]),
     "own derivative": FunctionLaw(derivative=lambda r: np.where(r > 0, 2 * np.exp(-r), 0.0) + 0.1 * r, kinks=[0.0]),
 }
+
+
+def _others() -> dict[str, Superpotential]:
+    """Laws by name that are not above, with the values that they are shown with."""
+    known, more = MONOTONE | {law.name for law in LAWS.values()}, {}
+    for entry in (*NORMAL_LAWS.values(), *FRICTION_LAWS.values()):
+        if entry.example is not None and entry.name not in known:
+            law = entry.make(**entry.example)
+            more[entry.name] = (law.profile if isinstance(law, Friction) else cast(Superpotential, law)).at(
+                np.zeros((1, 2))
+            )
+    return more
+
+
+#: Laws whose tests stand in files of their own.
+MONOTONE = {
+    "signorini",
+    "bilateral",
+    "compliance",
+    "survey",
+    "none",
+    "pressure-table",
+    "tresca",
+    "coulomb",
+    "orthotropic",
+}
+
+LAWS |= _others()
 
 #: Half width on which a law is checked, where it is not three times its largest knot.
 REACH = {"waves": 3.5, "slopes of two formulas": 3.5}

@@ -53,7 +53,7 @@ def test_slope_and_curvature_are_the_same_asked_together(law: Superpotential) ->
             np.testing.assert_array_equal(bend, made.piece_curvature(on, r))
 
 
-def stiff(law: ContactLaw) -> Array:
+def stiff_beside(law: ContactLaw) -> Array:
     """A stiffness beside which the law is a curve."""
     return 1.2 * np.column_stack([np.maximum(STIFF[:, i], law.weak_convexity[i]) for i in (0, 1)])
 
@@ -62,7 +62,7 @@ def stiff(law: ContactLaw) -> Array:
 @pytest.mark.parametrize("name", sorted(LAWS))
 def test_pairs_are_those_of_the_law(name: str, c: int) -> None:
     law = LAWS[name].at(np.zeros((M, 2)))
-    stiffness = stiff(law)
+    stiffness = stiff_beside(law)
     assert law.is_curve(stiffness, c)
     p = np.random.default_rng(1).normal(scale=2.0, size=(M, c))
     p[:20] = 0.0
@@ -78,7 +78,7 @@ def test_pairs_are_those_of_the_law(name: str, c: int) -> None:
 @pytest.mark.parametrize("name", sorted(LAWS))
 def test_near_a_pair_what_is_missed_is_of_second_order(name: str, c: int) -> None:
     law, random = LAWS[name].at(np.zeros((M, 2))), np.random.default_rng(1)
-    stiffness = stiff(law)
+    stiffness = stiff_beside(law)
     p = random.normal(scale=2.0, size=(M, c))
     exact, quick = law.on_graph(p, stiffness), chart(law, c, stiffness)
     off = random.normal(size=(M, c))

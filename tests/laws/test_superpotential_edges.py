@@ -306,7 +306,7 @@ def test_lists_of_layers_are_finite_numbers(bad: Any) -> None:
         Layered(bad, [1.0])
 
 
-def wrong(law: PiecewiseQuadratic, **methods: Callable[..., Any]) -> str:
+def spoiled(law: PiecewiseQuadratic, **methods: Callable[..., Any]) -> str:
     """What the kit says of a law with some of its methods replaced."""
     spoiled = type("Spoiled", (type(law),), methods)
     with pytest.raises(LawError) as caught:
@@ -321,7 +321,7 @@ def test_the_kit_sees_answers_that_depend_on_the_company() -> None:
     def derivative(self: PiecewiseQuadratic, r: Array) -> Array:
         return np.asarray(PiecewiseQuadratic.derivative(self, r) * (1.0 + 1e-4 * (r.size == 12)))
 
-    assert "derivative at contact point" in wrong(SOFT, derivative=derivative)
+    assert "derivative at contact point" in spoiled(SOFT, derivative=derivative)
 
 
 def test_the_kit_sees_minimisers_of_a_scaled_law_that_are_a_little_off() -> None:
@@ -334,7 +334,7 @@ def test_the_kit_sees_minimisers_of_a_scaled_law_that_are_a_little_off() -> None
         f = np.atleast_1d(factor)
         return kind(self.breakpoints, f[:, None] * self.slopes, f[:, None] * self.jumps, f * self.start)
 
-    assert "scaled(3) does not have the minimisers" in wrong(SOFT, scaled=scaled)
+    assert "scaled(3) does not have the minimisers" in spoiled(SOFT, scaled=scaled)
 
 
 def test_the_kit_looks_at_a_knot_at_the_end_of_its_reach() -> None:
@@ -359,7 +359,7 @@ def test_the_kit_measures_company_by_the_size_of_the_law() -> None:
         return np.asarray(PiecewiseQuadratic.local_argmin(self, a, b) + 1e-8 * (np.size(a) == 12))
 
     law = table_law([0.0, 1e-4, 5e-4], [0.0, 0.2, 0.0])
-    assert "local_argmin at contact point" in wrong(law, local_argmin=local_argmin)
+    assert "local_argmin at contact point" in spoiled(law, local_argmin=local_argmin)
 
 
 # ---- tables -------------------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from hemivar.mechanics import Material
 from hemivar.mesh import box, rectangle
 
 
-def body(n: int, seed: int) -> sp.csr_array:
+def random_stiffness(n: int, seed: int) -> sp.csr_array:
     """A symmetric positive definite matrix of n^2 places with two components each, stiffer here and there."""
     random = np.random.default_rng(seed)
     one = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
@@ -34,7 +34,7 @@ def body(n: int, seed: int) -> sp.csr_array:
     return sp.csr_array(size @ both @ size)
 
 
-def made(matrix: sp.csr_array, kept: IntArray, many: bool) -> Factorisation:
+def by_superlu(matrix: sp.csr_array, kept: IntArray, many: bool) -> Factorisation:
     """The factorisation by SuperLU, whatever is installed."""
     return SuperLUFactorisation(matrix, kept, many)
 
@@ -56,7 +56,7 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 @pytest.mark.parametrize("seed", range(3))
 def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, way: str) -> None:
-    check_loads(seed, lambda matrix, kept: made(matrix, kept, way != "one load"), body(7, seed))
+    check_loads(seed, lambda matrix, kept: by_superlu(matrix, kept, way != "one load"), random_stiffness(7, seed))
 
 
 @needs_pardiso
@@ -64,7 +64,7 @@ def test_loads_go_to_the_kept_unknowns_and_back_as_in_dense_algebra(seed: int, w
 @pytest.mark.parametrize("definite", [True, False])
 def test_pardiso_takes_loads_there_and_back_too(seed: int, definite: bool) -> None:
     """Also where the matrix has negative eigenvalues."""
-    K = body(7, seed)
+    K = random_stiffness(7, seed)
     if not definite:
         K = sp.csr_array(K - 0.3 * sp.diags_array(K.diagonal()))
     check_loads(seed, PardisoFactorisation, K, definite)
@@ -72,7 +72,7 @@ def test_pardiso_takes_loads_there_and_back_too(seed: int, definite: bool) -> No
 
 @needs_pardiso
 def test_pardiso_refuses_vectors_of_another_size() -> None:
-    factor = PardisoFactorisation(body(6, 1), np.array([3, 8, 20]))
+    factor = PardisoFactorisation(random_stiffness(6, 1), np.array([3, 8, 20]))
     with pytest.raises(ValueError, match="numbers is needed"):
         factor.reduce(np.ones(5))
 
@@ -80,18 +80,18 @@ def test_pardiso_refuses_vectors_of_another_size() -> None:
 @needs_pardiso
 def test_what_a_load_leaves_has_one_form_in_both_factorisations() -> None:
     """The way back of kept values alone begins with zeros for all other unknowns, whoever factorises."""
-    K, kept = body(6, 1), np.array([3, 8, 20])
+    K, kept = random_stiffness(6, 1), np.array([3, 8, 20])
     n = K.shape[0]
     nothing = CondensedLoad(np.zeros(n), np.zeros(kept.size), 0.0, np.zeros(n - kept.size))
     values = np.array([1.0, -2.0, 0.5])
-    ways = [factor.extend(nothing, values) for factor in (PardisoFactorisation(K, kept), made(K, kept, True))]
+    ways = [factor.extend(nothing, values) for factor in (PardisoFactorisation(K, kept), by_superlu(K, kept, True))]
     np.testing.assert_allclose(*ways, atol=1e-12)
 
 
 @needs_pardiso
 @pytest.mark.parametrize("definite", [True, False])
 def test_pardiso_solves_without_kept_unknowns(definite: bool) -> None:
-    K = body(6, 2)
+    K = random_stiffness(6, 2)
     K = K if definite else sp.csr_array(K - 0.3 * sp.diags_array(K.diagonal()))
     load = np.sqrt(K.diagonal())
     factor = PardisoFactorisation(K, np.zeros(0, dtype=np.int64))
@@ -101,7 +101,7 @@ def test_pardiso_solves_without_kept_unknowns(definite: bool) -> None:
 
 @needs_pardiso
 def test_pardiso_keeps_everything_where_all_is_asked_for() -> None:
-    K = body(2, 0)
+    K = random_stiffness(2, 0)
     factor = PardisoFactorisation(K, np.arange(8))
     np.testing.assert_array_equal(factor.schur, K.toarray())
     np.testing.assert_array_equal(factor.extend(factor.reduce(np.ones(8)), np.arange(8.0)), np.arange(8.0))
@@ -110,7 +110,7 @@ def test_pardiso_keeps_everything_where_all_is_asked_for() -> None:
 @needs_pardiso
 def test_pardiso_refuses_a_body_that_moves_freely() -> None:
     one = sp.diags_array([-np.ones(39), np.r_[1.0, np.full(38, 2.0), 1.0], -np.ones(39)], offsets=[-1, 0, 1])
-    both = sp.csr_array(sp.block_diag([one, body(3, 0)]))
+    both = sp.csr_array(sp.block_diag([one, random_stiffness(3, 0)]))
     with pytest.raises(ProblemError, match="can move freely"):
         PardisoFactorisation(both, np.arange(40, 44))
 
@@ -148,10 +148,10 @@ def check_loads(
 
 
 def test_solves_leave_the_load_as_it_was(way: str) -> None:
-    K = body(5, 0)
+    K = random_stiffness(5, 0)
     kept = np.arange(0, 50, 7)
     load, y = np.ones(K.shape[0]), np.ones(kept.size)
-    factor = made(K, kept, way != "one load")
+    factor = by_superlu(K, kept, way != "one load")
     assert isinstance(factor, SuperLUFactorisation)
     assert (factor._halves is not None) is (way == "halves")
     first = factor.reduce(load)
@@ -164,14 +164,14 @@ def test_solves_leave_the_load_as_it_was(way: str) -> None:
 
 
 def test_an_indefinite_interior_is_noticed() -> None:
-    K = body(5, 1)
+    K = random_stiffness(5, 1)
     kept = np.arange(3)
     K[20, 20] = -K[20, 20]
-    assert not made(sp.csr_array(K), kept, True).interior_positive
+    assert not by_superlu(sp.csr_array(K), kept, True).interior_positive
 
 
 def test_a_body_without_kept_unknowns_is_solved_by_both_sweeps() -> None:
-    K = body(6, 2)
+    K = random_stiffness(6, 2)
     load = np.sqrt(K.diagonal())
     factor = factorise(K, np.zeros(0, dtype=np.int64), many=True)
     np.testing.assert_allclose(K @ factor.solve_interior(load) / load, 1.0, atol=1e-10)

@@ -19,11 +19,11 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.systems.body_on_levels import ElasticMultigrid
 
 
-def square(n: int = 16) -> hv.DiscreteProblem:
+def survey_square(n: int = 16) -> hv.DiscreteProblem:
     return hv.discretize(gallery.survey("5.1", n, "right"))
 
 
-def cube(n: int = 8) -> hv.DiscreteProblem:
+def survey_cube(n: int = 8) -> hv.DiscreteProblem:
     return hv.discretize(gallery.survey_cube("5.1", n))
 
 
@@ -41,7 +41,7 @@ def cube_without_meshes() -> hv.DiscreteProblem:
 
 
 Make = Callable[[], hv.DiscreteProblem]
-PROBLEMS = [square, cube, large_square_without_meshes, cube_without_meshes]
+PROBLEMS = [survey_square, survey_cube, large_square_without_meshes, cube_without_meshes]
 
 
 def held_somewhere(problem: hv.DiscreteProblem, seed: int = 4) -> tuple[np.ndarray, sp.csr_array]:
@@ -119,7 +119,7 @@ def test_conjugate_gradients_with_the_cycle_solve_the_truncated_equation(
 
 def test_where_the_held_unknowns_end_costs_conjugate_gradients_next_to_nothing() -> None:
     """Coarse functions of all levels are kept there; without them it takes four iterations more than with none held."""
-    problem = square(64)
+    problem = survey_square(64)
     hierarchy = ElasticMultigrid.of(problem)
     top = hierarchy.first + len(hierarchy.steps)
     unknown = contact_unknowns(problem.contact)[0]
@@ -147,7 +147,7 @@ def test_where_the_held_unknowns_end_costs_conjugate_gradients_next_to_nothing()
     assert max(iterations(end, vanishing=True) for end in ends) > free + 1
 
 
-@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("make", [survey_square, survey_cube])
 def test_what_is_added_acts_on_the_coarser_meshes_as_well(make: Make) -> None:
     problem = make()
     hierarchy = ElasticMultigrid.of(problem)
@@ -191,7 +191,7 @@ def test_holding_unknowns_changes_no_matrix_of_the_hierarchy(make: Make) -> None
     np.testing.assert_allclose(truncated.cycle(top, vector), cycled, rtol=1e-9, atol=1e-12 * size)
 
 
-@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("make", [survey_square, survey_cube])
 def test_the_coarsest_level_is_solved_alike_whatever_was_held_before(make: Make) -> None:
     problem = make()
     levels = ElasticMultigrid.of(problem).levels
@@ -213,7 +213,7 @@ def test_the_coarsest_level_is_solved_alike_whatever_was_held_before(make: Make)
     np.testing.assert_allclose(matrix @ found, vector, atol=1e-9 * np.abs(vector).max())
 
 
-@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("make", [survey_square, survey_cube])
 def test_what_is_left_of_a_coarse_space_needs_no_new_matrix(make: Make) -> None:
     """Coarse functions that reach no held unknown have the Galerkin products of the coarse mesh."""
     problem = make()
@@ -261,7 +261,7 @@ def test_linear_solve(make: Make) -> None:
 
 
 def test_hierarchy_serves_other_loads_and_laws() -> None:
-    problem = square()
+    problem = survey_square()
     hierarchy = ElasticMultigrid.of(problem)
     other = problem.with_(
         law=hv.laws.ContactLaw(hv.Compliance(3.0).at(problem.contact.points), hv.Tresca(0.1).at(problem.contact.points))
@@ -322,7 +322,7 @@ def test_the_way_down_never_leads_against_the_load() -> None:
 
 def test_what_the_coarser_mesh_gives_is_held_against_the_load() -> None:
     """Where it meets the tolerance no cycle is left to do on the finest mesh."""
-    problem = square(32)
+    problem = survey_square(32)
     levels, load = ElasticMultigrid.of(problem), problem.load
     first, cycles = levels.solve(load, 1e3)
     assert cycles == 0
@@ -333,7 +333,7 @@ def test_what_the_coarser_mesh_gives_is_held_against_the_load() -> None:
     assert np.linalg.norm(load - problem.stiffness @ better) <= 0.999 * left * np.linalg.norm(load)
 
 
-@pytest.mark.parametrize("make", [square, cube])
+@pytest.mark.parametrize("make", [survey_square, survey_cube])
 @pytest.mark.parametrize("factor", [0.0, 1e-2, -1e3])
 def test_the_coarsest_level_is_inverted_as_it_is_after_the_change(
     make: Make, factor: float, monkeypatch: pytest.MonkeyPatch

@@ -260,7 +260,7 @@ def test_a_formula_with_kinks_is_sampled_and_says_so() -> None:
     np.testing.assert_allclose(material.stress(points, strain), named.stress(points, strain), rtol=1e-12, atol=1e-13)
 
 
-def _energy(strain: Array) -> Array:
+def _quartic(strain: Array) -> Array:
     return np.asarray(2.0 * (strain**2).sum(axis=1) + 0.25 * (strain**4).sum(axis=1))
 
 
@@ -273,7 +273,7 @@ def _tangent(strain: Array) -> Array:
 
 
 def test_functions_are_sampled_and_say_so() -> None:
-    material = Material.potential(_energy, _stress, _tangent, reach=1.0)
+    material = Material.potential(_quartic, _stress, _tangent, reach=1.0)
     check_material(material)
     assert material.bounds_by is BoundsBy.SAMPLED
     assert "by the function _energy" in str(material.describe())

@@ -104,7 +104,7 @@ def test_signed_distance_of_a_shape_is_the_shape(name: str) -> None:
     np.testing.assert_allclose(found[~grazing], reference[~grazing], atol=1e-7)
 
 
-def block(obstacle: Obstacle, normals: str | None = None, **options: Any) -> ContactProblem:
+def square_over(obstacle: Obstacle, normals: str | None = None, **options: Any) -> ContactProblem:
     contact = Contact(Signorini(), obstacle=obstacle, normals=normals)  # type: ignore[arg-type]
     return ContactProblem(
         options.get("mesh", rectangle((1.0, 1.0), 8, "cross")),
@@ -118,7 +118,7 @@ def block(obstacle: Obstacle, normals: str | None = None, **options: Any) -> Con
 @pytest.mark.parametrize("quadrature", list(Quadrature))
 def test_gap_and_normal_below_a_flat_body(quadrature: Quadrature) -> None:
     circle = Sphere((0.5, -2.0), 1.9)
-    own = discretize(block(circle, "obstacle", quadrature=quadrature))
+    own = discretize(square_over(circle, "obstacle", quadrature=quadrature))
     x = own.contact.points[:, 0] - 0.5
     np.testing.assert_allclose(own.gap, np.hypot(x, 2.0) - 1.9, atol=1e-14)
     np.testing.assert_allclose(own.contact.frames[:, 0], np.column_stack([-x, -2.0 + 0 * x]) / np.hypot(x, 2)[:, None])
@@ -127,17 +127,17 @@ def test_gap_and_normal_below_a_flat_body(quadrature: Quadrature) -> None:
         np.broadcast_to(np.eye(2), (len(x), 2, 2)),
         atol=1e-14,
     )
-    body = discretize(block(circle, "body", quadrature=quadrature))
+    body = discretize(square_over(circle, "body", quadrature=quadrature))
     np.testing.assert_allclose(body.gap, 2.0 - np.sqrt(1.9**2 - x**2), atol=1e-14)
     np.testing.assert_allclose(body.contact.frames[:, 0], [[0.0, -1.0]] * len(x), atol=1e-14)
 
 
 def test_a_plane_below_a_flat_body_is_the_gap() -> None:
-    by_gap = block(Plane((0.0, 0.0), (0.0, 1.0)))
+    by_gap = square_over(Plane((0.0, 0.0), (0.0, 1.0)))
     by_gap = replace(by_gap, contact={"bottom": Contact(Signorini(), gap=0.005)})
     expected = solve(discretize(by_gap)).raise_for_status()
     for normals in Normals:
-        found = solve(discretize(block(Plane((3.0, -0.005), (0.0, 4.0)), normals))).raise_for_status()
+        found = solve(discretize(square_over(Plane((3.0, -0.005), (0.0, 4.0)), normals))).raise_for_status()
         np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-12)
         np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-10)
 
@@ -145,7 +145,7 @@ def test_a_plane_below_a_flat_body_is_the_gap() -> None:
 def test_an_oblique_plane_is_not_crossed() -> None:
     """With normals of the obstacle the linearised contact with a plane is exact for displacements of any size."""
     plane = Plane((0.5, 0.0), (0.2, 1.0))
-    found = solve(discretize(block(plane, top=(0.05, -0.1)))).raise_for_status()
+    found = solve(discretize(square_over(plane, top=(0.05, -0.1)))).raise_for_status()
     mesh = found.problem.field.mesh
     nodes = np.unique(mesh.boundaries["bottom"])
     left = plane.distance((mesh.points + found.displacement)[nodes])
@@ -163,7 +163,7 @@ def test_an_overlap_is_an_interference_fit() -> None:
 
 
 def test_points_whose_normal_misses_are_no_contact_points() -> None:
-    found = discretize(block(Sphere((0.5, -0.3), 0.2), "body"))
+    found = discretize(square_over(Sphere((0.5, -0.3), 0.2), "body"))
     np.testing.assert_allclose(found.contact.points[:, 0], [0.375, 0.5, 0.625])  # of a grid of 1/8
     solution = solve(found).raise_for_status()
     assert solution.penetration.max() <= 1e-12
@@ -171,14 +171,14 @@ def test_points_whose_normal_misses_are_no_contact_points() -> None:
 
 def test_compliance_and_friction_meet_an_obstacle() -> None:
     contact = Contact(Compliance(50.0), Tresca(0.01), obstacle=Sphere((0.5, -2.0), 2.0))
-    problem = replace(block(Sphere((0.0, 0.0), 1.0)), contact={"bottom": contact})
+    problem = replace(square_over(Sphere((0.0, 0.0), 1.0)), contact={"bottom": contact})
     solution = solve(discretize(problem)).raise_for_status()
     np.testing.assert_allclose(solution.pressure, 50.0 * np.maximum(solution.penetration, 0.0), atol=1e-9)
     assert np.abs(solution.friction).max() <= 0.01 + 1e-12
 
 
 def test_units_do_not_matter() -> None:
-    first = solve(discretize(block(Sphere((0.5, -2.0), 1.99)))).raise_for_status()
+    first = solve(discretize(square_over(Sphere((0.5, -2.0), 1.99)))).raise_for_status()
     scaled = ContactProblem(
         rectangle((1.0, 1.0), 8, "cross").scaled(1e3),
         Material.young(1e-6, 0.3),
@@ -198,7 +198,7 @@ def test_a_turned_body_and_obstacle_give_the_same_pressure(shape: str) -> None:
         sphere = Sphere(matrix @ [0.5, 0.4, -2.0], 1.99)
         obstacle = sphere if shape == "sphere" else SignedDistance(sphere.distance)
         return solve(
-            discretize(block(obstacle, mesh=cube(3).moved(matrix), top=tuple(matrix @ [0.0, 0.0, -0.05])))
+            discretize(square_over(obstacle, mesh=cube(3).moved(matrix), top=tuple(matrix @ [0.0, 0.0, -0.05])))
         ).pressure
 
     straight = pressed(np.eye(3))
@@ -219,19 +219,22 @@ def test_a_turned_body_and_obstacle_give_the_same_pressure(shape: str) -> None:
         (lambda: Contact(Signorini(), gap=0.1, obstacle=Sphere((0.0, 0.0), 1.0)), "leave one out"),
         (lambda: Contact(Signorini(), normals=Normals.OBSTACLE), "needs an obstacle"),
         (lambda: Contact(Signorini(), obstacle=3.0), "obstacle is 3.0; pass Plane"),  # type: ignore[arg-type]
-        (lambda: block(Sphere((0.0, 0.0), 1.0), "mine"), "choose Normals.OBSTACLE or Normals.BODY"),
-        (lambda: block(Sphere((0.0, 0.0, -2.0), 1.0)), "has 3 coordinates, the mesh has 2"),
-        (lambda: discretize(block(Plane((0.0, 0.0), (0.0, -1.0)))), "wrong side"),
-        (lambda: discretize(block(Plane((0.0, 0.0), (0.0, -1.0)), "body")), "no outward normal of the body meets"),
-        (lambda: discretize(block(Sphere((0.5, 0.0), 1.0))), "lies at the centre of the sphere"),
-        (lambda: discretize(block(Sphere((5.0, 0.5), 1.0), "body")), "no outward normal of the body meets"),
-        (lambda: discretize(block(SignedDistance(lambda x: 2.0 * x[:, 1]))), "gradient of length 2"),
-        (lambda: discretize(block(SignedDistance(lambda x: x))), "returned shape"),
-        (lambda: discretize(block(SignedDistance(lambda x: x[:, 1] * np.nan))), "returned nan"),
+        (lambda: square_over(Sphere((0.0, 0.0), 1.0), "mine"), "choose Normals.OBSTACLE or Normals.BODY"),
+        (lambda: square_over(Sphere((0.0, 0.0, -2.0), 1.0)), "has 3 coordinates, the mesh has 2"),
+        (lambda: discretize(square_over(Plane((0.0, 0.0), (0.0, -1.0)))), "wrong side"),
+        (
+            lambda: discretize(square_over(Plane((0.0, 0.0), (0.0, -1.0)), "body")),
+            "no outward normal of the body meets",
+        ),
+        (lambda: discretize(square_over(Sphere((0.5, 0.0), 1.0))), "lies at the centre of the sphere"),
+        (lambda: discretize(square_over(Sphere((5.0, 0.5), 1.0), "body")), "no outward normal of the body meets"),
+        (lambda: discretize(square_over(SignedDistance(lambda x: 2.0 * x[:, 1]))), "gradient of length 2"),
+        (lambda: discretize(square_over(SignedDistance(lambda x: x))), "returned shape"),
+        (lambda: discretize(square_over(SignedDistance(lambda x: x[:, 1] * np.nan))), "returned nan"),
         (
             lambda: discretize(
                 replace(
-                    block(Sphere((0.5, -0.3), 0.25)),
+                    square_over(Sphere((0.5, -0.3), 0.25)),
                     contact={"bottom": Contact(Bilateral(), obstacle=Sphere((0.5, -0.3), 0.25), normals=Normals.BODY)},
                 )
             ),
@@ -251,7 +254,7 @@ def test_bad_obstacles_are_refused_in_words(make: Callable[[], object], words: s
 @pytest.mark.parametrize("normals", ["body", "obstacle"])
 def test_supports_may_hold_every_point_that_could_touch(normals: str) -> None:
     for obstacle in (SignedDistance(lambda x: x[:, 1] + 0.1), Plane((0.0, -0.1), (0.0, 1.0)), Sphere((0.5, -2.0), 1.9)):
-        problem = block(obstacle, normals, mesh=rectangle((1.0, 1.0), 1, "cross"))
+        problem = square_over(obstacle, normals, mesh=rectangle((1.0, 1.0), 1, "cross"))
         problem = replace(problem, supports={"left": Clamped(), "right": Clamped()})
         assert discretize(problem).contact_points == 0
 

@@ -12,7 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.laws.parameters import parameter
 
 
-def solved(**given: object) -> Array:
+def displacement_of(**given: object) -> Array:
     """Displacements of a block, with some of its data replaced."""
     stated: dict[str, object] = {
         "mesh": hv.rectangle((1.0, 1.0), 3),
@@ -69,7 +69,7 @@ ALIKE = {
 @pytest.mark.parametrize("name", ALIKE)
 def test_a_formula_is_the_function_of_its_values(name: str) -> None:
     by_text, by_function = ALIKE[name]
-    np.testing.assert_allclose(solved(**by_text), solved(**by_function), rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(displacement_of(**by_text), displacement_of(**by_function), rtol=0.0, atol=1e-14)
 
 
 def test_a_formula_of_time_is_a_quantity_that_depends_on_time() -> None:
@@ -94,7 +94,7 @@ def test_a_formula_of_time_is_a_quantity_that_depends_on_time() -> None:
 
 def test_what_is_no_formula_is_named_where_it_stands() -> None:
     with pytest.raises(hv.HemivarError, match=re.escape("body_force: formula '-q' at character 2: 'q' is not known")):
-        solved(body_force=("0", "-q"))
+        displacement_of(body_force=("0", "-q"))
     with pytest.raises(hv.HemivarError, match="stiffness of law 'softening': formula"):
         hv.Softening("x +", 0.02, 5.0)
 

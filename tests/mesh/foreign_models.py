@@ -21,7 +21,7 @@ EXPORTS = (
 )
 
 
-def make(gmsh: Any, elements: str, order: int) -> None:
+def mesh_body(gmsh: Any, elements: str, order: int) -> None:
     """Mesh the body of these elements in the current session of Gmsh."""
     gmsh.clear()
     model, option, solid = gmsh.model, gmsh.option.setNumber, elements in ("hexahedra", "wedges")
@@ -69,7 +69,7 @@ if __name__ == "__main__":
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     for name, elements, order, formats in EXPORTS:
-        make(gmsh, elements, order)
+        mesh_body(gmsh, elements, order)
         for suffix in formats.split():
             gmsh.write(str(FILES / f"gmsh-{name}.{suffix}"))
     gmsh.finalize()

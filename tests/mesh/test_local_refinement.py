@@ -178,7 +178,7 @@ def test_what_cannot_be_refined_is_refused(cells: object, message: str) -> None:
 # ---- solving on them --------------------------------------------------------------------------------------
 
 
-def pressed(mesh: Mesh) -> hv.DiscreteProblem:
+def rubbing_body(mesh: Mesh) -> hv.DiscreteProblem:
     force = (-0.2, *([0.0] * (mesh.dim - 2)), -0.8)
     law = hv.Contact(hv.Compliance(20.0), hv.Tresca(0.02))
     return hv.discretize(bodies.body(mesh, law, body_force=force))
@@ -197,7 +197,7 @@ def test_multigrid_takes_hardly_more_cycles_than_on_uniform_meshes(mesh: str, ti
         )
     even = rectangle((2.0, 1.0), (32, 16)) if local.dim == 2 else box((1.0, 2.0, 1.0), (4, 8, 4))
     assert local.volumes.min() < 1.001 * 4.0**-local.dim * local.volumes.max()
-    problem, other = pressed(local), pressed(even)
+    problem, other = rubbing_body(local), rubbing_body(even)
     found, reference = hv.solve(problem, NonsmoothMultigrid()), hv.solve(other, NonsmoothMultigrid())
     assert found.status is hv.Status.CONVERGED
     assert found.evaluations <= 1.5 * reference.evaluations

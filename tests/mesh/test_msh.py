@@ -45,7 +45,7 @@ def check_measures(mesh: Mesh, model: str, groups: bool = True) -> None:
     assert found == pytest.approx(regions if groups else {})
 
 
-def force(mesh: Mesh) -> float:
+def contact_force(mesh: Mesh) -> float:
     """Total contact force of a body of two materials pressed onto the ground."""
     hard, soft = Material.lame(4.0, 4.0), Material.lame(1.0, 2.0)
     plane = mesh.dim == 2
@@ -125,7 +125,7 @@ def test_all_variants_hold_what_gmsh_holds(genuine: Genuine) -> None:
                 np.array([list(map(list, one)) for one in wanted])[..., :dim]
             )
         if len(forces) < 4 or "partitioned" in path.name:
-            forces.append(force(mesh))
+            forces.append(contact_force(mesh))
     assert len(files) == 40
     np.testing.assert_allclose(forces, forces[0], rtol=1e-8)
     assert forces[0] > 1e-3

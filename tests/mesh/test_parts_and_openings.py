@@ -32,13 +32,13 @@ def between(mesh: Mesh, height: float, axis: int = 1) -> Mesh:
 # ---- assembled -----------------------------------------------------------------------------------------------------
 
 
-def blocks() -> Mesh:
+def two_parts() -> Mesh:
     upper = between(hv.rectangle((1.0, 1.0), (8, 8), origin=(0.0, 1.0)), 1.5)
     return Mesh.assembled({"upper": upper, "lower": hv.rectangle((2.0, 1.0), 4).refined()})
 
 
 def test_names_of_parts_come_before_their_own() -> None:
-    mesh = checked(blocks())
+    mesh = checked(two_parts())
     assert list(mesh.boundaries)[:2] == ["upper:left", "upper:right"]
     assert list(mesh.regions) == ["upper", "upper:steel", "upper:rubber", "lower"]
     assert mesh.volumes[mesh.regions["upper:steel"]].sum() == pytest.approx(0.5)
@@ -51,25 +51,25 @@ def test_names_of_parts_come_before_their_own() -> None:
 
 def test_parts_with_steps_of_their_own_keep_all_of_them() -> None:
     """The upper part can be made coarser twice and the lower one three times; each step is a refinement."""
-    mesh: Mesh = blocks()
+    mesh: Mesh = two_parts()
     sizes = []
     while mesh.parent is not None:
         checked(mesh)
         mesh = mesh.parent.mesh
         sizes.append([int(np.count_nonzero(mesh.parts.cell == part)) for part in (0, 1)])
     assert sizes[0] == [32, 32]
-    refined = checked(blocks().refined().refined_where([0, 3]))
-    assert set(refined.boundaries) == set(blocks().boundaries)
+    refined = checked(two_parts().refined().refined_where([0, 3]))
+    assert set(refined.boundaries) == set(two_parts().boundaries)
 
 
 def test_an_assembled_mesh_is_a_part_of_another() -> None:
-    mesh = Mesh.assembled({"tower": blocks(), "base": hv.rectangle((3.0, 1.0), 2, origin=(0.0, -1.0))})
+    mesh = Mesh.assembled({"tower": two_parts(), "base": hv.rectangle((3.0, 1.0), 2, origin=(0.0, -1.0))})
     assert "tower:upper:bottom" in mesh.boundaries
     assert checked(mesh).parts.count == 3
 
 
 def test_an_assembled_mesh_goes_to_another_process() -> None:
-    mesh = blocks()
+    mesh = two_parts()
     there = pickle.loads(pickle.dumps(mesh))
     np.testing.assert_array_equal(there.cells, mesh.cells)
     assert there.recipe == mesh.recipe
@@ -99,7 +99,7 @@ def test_facets_of_two_parts_may_lie_at_one_place() -> None:
 
 def test_a_part_that_nothing_holds_is_called_by_its_name() -> None:
     problem = hv.ContactProblem(
-        blocks(), hv.Material.young(10.0, 0.3), {}, {"lower:bottom": hv.Clamped()}, body_force=(0.1, 0.0)
+        two_parts(), hv.Material.young(10.0, 0.3), {}, {"lower:bottom": hv.Clamped()}, body_force=(0.1, 0.0)
     )
     with pytest.raises(hv.HemivarError, match="part 'upper' of the body"):
         hv.solve(problem)

@@ -123,7 +123,7 @@ plate
 TEXTS = {"unv": UNV, "inp": INP, "bdf": BDF, "su2": SU2, "vol": VOL, "vtk": VTK}
 
 
-def read(tmp_path: Path, suffix: str, text: str) -> str:
+def message_of_file(tmp_path: Path, suffix: str, text: str) -> str:
     """What is said of a file; empty if it gives a mesh."""
     path = tmp_path / f"part.{suffix}"
     path.write_text(text)
@@ -142,7 +142,7 @@ def read(tmp_path: Path, suffix: str, text: str) -> str:
 
 @pytest.mark.parametrize("suffix", TEXTS)
 def test_the_files_are_good_as_they_stand(suffix: str, tmp_path: Path) -> None:
-    assert read(tmp_path, suffix, TEXTS[suffix]) == ""
+    assert message_of_file(tmp_path, suffix, TEXTS[suffix]) == ""
 
 
 TECPLOT = 'TITLE="x"\nVARIABLES="X","Y"\nZONE N=3,E=1,F=FEPOINT,ET=TRIANGLE\n0 0\n1 0\n0 1\n1 2 3\n'
@@ -226,7 +226,7 @@ def test_bad_files_are_refused_in_a_sentence(suffix: str, old: str | None, new: 
     assert len(CASES) >= 40
     text = new if old is None else TEXTS[suffix].replace(old, new, 1)
     assert text != TEXTS.get(suffix)
-    found = read(tmp_path, suffix, text)
+    found = message_of_file(tmp_path, suffix, text)
     with pytest.raises(ProblemError, match=says):
         raise ProblemError(found)
 
@@ -235,12 +235,12 @@ def test_bad_files_are_refused_in_a_sentence(suffix: str, old: str | None, new: 
 def test_files_that_are_cut_off_or_damaged_end_in_a_mesh_or_a_sentence(suffix: str, tmp_path: Path) -> None:
     text, rng = TEXTS[suffix], np.random.default_rng(3)
     for end in range(0, len(text), 7):
-        read(tmp_path, suffix, text[:end])
+        message_of_file(tmp_path, suffix, text[:end])
     for _ in range(150):
         damaged = list(text)
         for place in rng.integers(0, len(text), rng.integers(1, 4)):
             damaged[place] = rng.choice(list("0123456789-.,= e*\nX"))
-        read(tmp_path, suffix, "".join(damaged))
+        message_of_file(tmp_path, suffix, "".join(damaged))
 
 
 def test_what_could_not_be_taken_is_said(tmp_path: Path) -> None:

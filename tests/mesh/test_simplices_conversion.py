@@ -116,7 +116,7 @@ def _array(name: str, kind: str, values: Sequence, more: str = "") -> str:
     return f'<DataArray Name="{name}" type="{kind}" format="ascii"{more}>{" ".join(map(str, values))}</DataArray>'
 
 
-def check(mesh: Mesh) -> None:
+def check_conversion(mesh: Mesh) -> None:
     """The unit square or cube without gaps, on which linear displacements are exact."""
     assert mesh.volumes.min() > 0.0
     assert mesh.volumes.sum() == pytest.approx(1.0, rel=1e-12)
@@ -143,7 +143,7 @@ def test_kinds_that_touch_one_another_fit_together(make: Callable, seed: int, tm
     rng = np.random.default_rng(seed)
     points, blocks = make(4 if make is solid_cells else 6, rng)
     mesh = read_mesh(written(tmp_path / "a.vtu", points, blocks, rng))
-    check(mesh)
+    check_conversion(mesh)
     counts = {"quad": 4, "triangle": 1, "hexahedron": 6, "wedge": 3, "pyramid": 2, "tetra": 1}
     assert all(blocks.values())
     assert mesh.number_of_cells == sum(counts[kind] * len(own) for kind, own in blocks.items())
@@ -158,7 +158,7 @@ def test_solids_of_second_order_are_cut_once(seed: int, tmp_path: Path) -> None:
     points, blocks = second_order(*solid_cells(2, rng), bubble)
     assert all(blocks.values())
     mesh = read_mesh(written(tmp_path / "a.vtu", points, blocks, rng))
-    check(mesh)
+    check_conversion(mesh)
     used = set(map(tuple, mesh.points.tolist()))
     assert used >= set(map(tuple, points.tolist()))  # middles are where the file puts them
     assert mesh.suggested_order == 1
@@ -173,8 +173,8 @@ def test_tetrahedra_of_second_order_keep_their_order(bend: Callable[[np.ndarray]
     points, blocks = second_order(cube.points, {"tetra": cube.cells.tolist()}, bend)
     path = written(tmp_path / "a.vtu", points, blocks, rng)
     mesh, cut = read_mesh(path), read_mesh(path, order=1)
-    check(mesh)
-    check(cut)
+    check_conversion(mesh)
+    check_conversion(cut)
     assert (mesh.suggested_order, cut.suggested_order) == (2, 1)
     assert (mesh.number_of_cells, cut.number_of_cells) == (48, 8 * 48)
     assert set(map(tuple, cut.points.tolist())) == set(map(tuple, points.tolist()))
@@ -200,13 +200,13 @@ def test_plane_cells_of_second_order(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     points, blocks = plane_cells(4, rng)
     straight = read_mesh(written(tmp_path / "a.vtu", *second_order(points, blocks, lambda x: x), rng))
-    check(straight)
+    check_conversion(straight)
     plain = read_mesh(written(tmp_path / "b.vtu", points, blocks, rng))
     assert straight.number_of_cells == plain.number_of_cells
     assert (straight.suggested_order, plain.suggested_order) == (2, 1)
     assert all(mesh.suggested_order == 2 for mesh in (straight.scaled(2.0), straight.refined(), straight.rotated(1.0)))
     curved = read_mesh(written(tmp_path / "c.vtu", *second_order(points, blocks, bubble), rng))
-    check(curved)
+    check_conversion(curved)
     assert curved.suggested_order == 1
     assert curved.number_of_cells == 4 * plain.number_of_cells
 

@@ -13,7 +13,7 @@ __all__ = ["PROBLEMS", "RTOL"]
 RTOL = hv.Controls(rtol=1e-9)
 
 
-def cube(n: int) -> hv.ContactProblem:
+def distributed_cube(n: int) -> hv.ContactProblem:
     """The one of benchmarks/distributed.py."""
     return bodies.cube(
         hv.Contact(hv.laws.ThresholdCompliance(q_max=0.3, p_const=2.0), hv.Tresca(0.5)),
@@ -25,6 +25,6 @@ def cube(n: int) -> hv.ContactProblem:
 PROBLEMS: dict[str, tuple[Callable[[int], hv.ContactProblem], int]] = {
     "square": (lambda n: gallery.survey("5.1", n, "right"), 64),
     "square that weakens": (lambda n: gallery.survey_logarithmic(0.3, n, "right"), 64),
-    "cube": (cube, 16),
+    "cube": (distributed_cube, 16),
     "cube that weakens": (lambda n: gallery.survey_cube_logarithmic(0.3, n), 16),
 }

@@ -106,7 +106,7 @@ def _grid(path: Path) -> tuple[np.ndarray[Any, Any], dict[str, np.ndarray[Any, A
     return points, data
 
 
-def _frames(pvd: Path) -> list[tuple[float, Path]]:
+def _times_and_files(pvd: Path) -> list[tuple[float, Path]]:
     entries = ElementTree.parse(pvd).getroot().iter("DataSet")
     return [(float(entry.attrib["timestep"]), pvd.parent / entry.attrib["file"]) for entry in entries]
 
@@ -138,8 +138,8 @@ def test_table_and_frames_are_those_of_the_serial_command(name: str, ranks: int,
         told = [json.loads((folder / place / "r.json").read_text())[key] for place in ("ranks", "serial")]
         assert told[0] == told[1]
     for pvd in ("run.pvd", "run_contact.pvd"):
-        wanted_frames = _frames(folder / "serial" / pvd)
-        found_frames = _frames(folder / "ranks" / pvd)
+        wanted_frames = _times_and_files(folder / "serial" / pvd)
+        found_frames = _times_and_files(folder / "ranks" / pvd)
         assert [time for time, _ in found_frames] == [time for time, _ in wanted_frames]
         assert len(found_frames) == 6
         for (_, one), (_, other) in zip(found_frames, wanted_frames, strict=True):
@@ -170,7 +170,7 @@ def test_the_states_change(folder: Path) -> None:
     """What the comparison is there for: points that are open, stick and slip, on two boundaries."""
     (folder / "p.toml").write_text(FILES["dynamic, generalised-alpha"])
     assert main(["march", "p.toml", "-q", *RTOL]) == 0
-    seen = [_grid(file)[1] for _, file in _frames(folder / "run_contact.pvd")]
+    seen = [_grid(file)[1] for _, file in _times_and_files(folder / "run_contact.pvd")]
     assert {0, 1, 2} <= {int(state) for data in seen for state in data["state"]}
     assert any((data["pressure"][data["boundary"] == 1] > 0.0).any() for data in seen)
 

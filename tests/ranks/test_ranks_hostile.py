@@ -178,7 +178,7 @@ def _pipe(name: str) -> Change:
     return lambda folder: os.mkfifo(folder / name)
 
 
-def _table(folder: Path) -> None:
+def _law_table(folder: Path) -> None:
     (folder / "law.csv").write_text("r,derivative\n0,0\n1,1\n", encoding="utf-8")
 
 
@@ -268,7 +268,7 @@ CASES: dict[str, Case] = {
     "output: wrong suffix": Case("must end in", options=("--vtu", "{}/r.txt")),
     "output: a law table": Case(
         "was read for this problem", _BASE.replace('law = "survey", q_max = 0.3, p_const = 2.0',
-        'law = "table", file = "law.csv"'), _table, ("--checkpoint", "{}/law.csv"), kept=("law.csv",),
+        'law = "table", file = "law.csv"'), _law_table, ("--checkpoint", "{}/law.csv"), kept=("law.csv",),
     ),
     "output: the problem": Case("problem file", options=("--checkpoint", "{}/p.toml"), kept=("p.toml",)),
     "output: what it goes on from": Case(

@@ -42,7 +42,7 @@ PUSHED = 'left = "roller"\nright = "roller"\ntop = { displacement = [0.0, -0.05]
 FURTHER = PUSHED.replace("-0.05", "-0.08")
 
 
-def stated(
+def nonlinear_file(
     material: str = HENCKY,
     mesh: str = SQUARE,
     loads: str = "body = [-0.2, -0.2]\n",
@@ -55,21 +55,21 @@ def stated(
 
 CASES = {
     # several levels, and supports that move the body
-    "levels": stated(
+    "levels": nonlinear_file(
         mesh="rectangle = [2.0, 1.0]\ncells = [24, 12]\nrefine = 1\n", supports=FURTHER, loads="body = [0.0, -0.2]\n"
     ),
-    "locking, plane stress": stated(LOCKING + 'plane = "stress"\n'),
-    "cube": stated(STEEL, "box = [1.0, 1.0, 1.0]\ncells = [6, 6, 6]\n", "body = [-0.3, -0.1, -0.2]\n"),
-    "formula with a bedding": stated(FORMULA, loads="body = [-0.3, -0.3]\nbedding = 2.0\n"),
-    "bound by the pressure": stated(contact=SURVEY + 'friction = { law = "coulomb", coefficient = 0.3 }\n'),
-    "weakening friction": stated(contact=SURVEY + 'friction = { law = "logarithmic", bound = 0.05 }\n'),
+    "locking, plane stress": nonlinear_file(LOCKING + 'plane = "stress"\n'),
+    "cube": nonlinear_file(STEEL, "box = [1.0, 1.0, 1.0]\ncells = [6, 6, 6]\n", "body = [-0.3, -0.1, -0.2]\n"),
+    "formula with a bedding": nonlinear_file(FORMULA, loads="body = [-0.3, -0.3]\nbedding = 2.0\n"),
+    "bound by the pressure": nonlinear_file(contact=SURVEY + 'friction = { law = "coulomb", coefficient = 0.3 }\n'),
+    "weakening friction": nonlinear_file(contact=SURVEY + 'friction = { law = "logarithmic", bound = 0.05 }\n'),
     # it softens more than C_low is stiff, and less than the stiffness at rest is
-    "glue": stated(
+    "glue": nonlinear_file(
         mesh="rectangle = [1.0, 1.0]\ncells = [8, 8]\n",
         supports=PUSHED,
         contact='normal = { law = "softening", stiffness = 40.0, limit = 0.02, softening = 8.0 }\n',
     ),
-    "no lower tensor": stated(UNBOUNDED),
+    "no lower tensor": nonlinear_file(UNBOUNDED),
     **{name: (_EXAMPLES / f"{name}.toml").read_text(encoding="utf-8") for name in ("soft_layer", "steel_strip")},
 }
 ENERGIES = [name for name in CASES if name != "bound by the pressure"]
@@ -124,7 +124,9 @@ def test_forces_tangents_and_bounds_are_those_of_the_energy(tmp_path: Path, mate
     """Far from the foundation, by differences; the energy lies between those of the lower and the upper tensor."""
     problem = tmp_path / "p.toml"
     far = 'normal = { law = "signorini" }\ngap = 100.0\n'
-    problem.write_text(stated(material, loads="body = [0.1, 0.2]\nbedding = 2.0\n", contact=far), encoding="utf-8")
+    problem.write_text(
+        nonlinear_file(material, loads="body = [0.1, 0.2]\nbedding = 2.0\n", contact=far), encoding="utf-8"
+    )
     done = mpirun(3, "-m", "tests.ranks.derivatives", problem)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
@@ -141,7 +143,7 @@ def test_stresses_in_files_and_more_ranks_than_make_sense(tmp_path: Path) -> Non
     from hemivar.files import write_vtu
 
     problem = tmp_path / "p.toml"
-    problem.write_text(stated(mesh="rectangle = [1.0, 1.0]\ncells = [2, 2]\n"), encoding="utf-8")
+    problem.write_text(nonlinear_file(mesh="rectangle = [1.0, 1.0]\ncells = [2, 2]\n"), encoding="utf-8")
     done = solve_on(5, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
     compare(problem, tmp_path / "r.json")
@@ -248,7 +250,7 @@ REFUSED = {
         "march",
         CASES["weakening friction"] + "[time]\nuntil = 1.0\nstep = 0.5\n",
     ),
-    "linear elements only": ("solve", stated(mesh=SQUARE + "order = 2\n")),
+    "linear elements only": ("solve", nonlinear_file(mesh=SQUARE + "order = 2\n")),
 }
 
 

@@ -12,7 +12,7 @@ from hemivar.report.loglog import _line, _meet
 from hemivar.report.path_diagrams import fitting_quantity
 
 
-def block(law: hv.Softening) -> hv.ContactProblem:
+def softening_square(law: hv.Softening) -> hv.ContactProblem:
     """Pushed onto a foundation that softens."""
     return hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 2),
@@ -24,7 +24,7 @@ def block(law: hv.Softening) -> hv.ContactProblem:
 
 
 def test_each_solution_stands_on_its_law() -> None:
-    found = hv.find_solutions(block(hv.Softening(60.0, 0.02, 16.0)))
+    found = hv.find_solutions(softening_square(hv.Softening(60.0, 0.02, 16.0)))
     assert len(found) > 1
     figure = plot_solutions(found, unit="mm", stress_unit="MPa")
     graphs = [panel for panel in figure.axes if panel.get_xlabel() == "penetration (mm)"]
@@ -42,7 +42,7 @@ def test_each_solution_stands_on_its_law() -> None:
 
 
 def test_laws_that_vary_over_the_boundary_are_not_drawn_as_one() -> None:
-    found = hv.find_solutions(block(hv.Softening(lambda x: 60.0 + x[:, 0], 0.02, 10.0)))
+    found = hv.find_solutions(softening_square(hv.Softening(lambda x: 60.0 + x[:, 0], 0.02, 10.0)))
     assert not any(panel.get_xlabel().startswith("penetration") for panel in plot_solutions(found).axes)
 
 

@@ -11,14 +11,14 @@ import skfem
 
 import hemivar as hv
 from hemivar.fem import FormBody
-from tests.fem.test_forms import BED, LOAD, RUBBED, grid, plate, pressed
+from tests.fem.test_forms import BED, LOAD, RUBBED, bending_plate, grid, pressed_form
 
 
 def test_pictures_of_forms_show_body_and_states(tmp_path: Path) -> None:
     plane = skfem.Basis(grid(skfem.MeshQuad, 3), skfem.ElementVector(skfem.ElementQuad2()))
     space = skfem.Basis(grid(skfem.MeshHex, 2), skfem.ElementVector(skfem.ElementHex1()))
     for basis in (plane, space):
-        figure = hv.solve(pressed(basis).problem({"bottom": RUBBED})).plot()
+        figure = hv.solve(pressed_form(basis).problem({"bottom": RUBBED})).plot()
         legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
         labels = [text.get_text() for legend in legends for text in legend.get_texts()]
         figure.savefig(tmp_path / "picture.png")
@@ -26,7 +26,7 @@ def test_pictures_of_forms_show_body_and_states(tmp_path: Path) -> None:
 
 
 def test_the_deflection_of_a_plate_is_drawn_and_written(tmp_path: Path) -> None:
-    basis, bending = plate(8)
+    basis, bending = bending_plate(8)
     weight = skfem.LinearForm(lambda v, w: LOAD * v)
     body = FormBody(basis, bending, load=weight, supports={"ends": 0.0, "long": {"u_n": 0.0}})
     problem = body.problem({"plate": hv.Contact(hv.Compliance(BED))})

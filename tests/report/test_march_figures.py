@@ -27,14 +27,14 @@ def history() -> History:
     return march(Evolution(problem, inertia=True), 1.0, step=0.05, save=Save(every=0.1, probes={"tip": (2.0, 1.0)}))
 
 
-def drawn(kind: str) -> dict[str, object]:
+def keywords_of(kind: str) -> dict[str, object]:
     return {"columns": ("tip.u_y", "residual")} if kind == "columns" else {}
 
 
 @pytest.mark.parametrize("kind", MARCH_FIGURES)
 def test_every_figure_is_drawn_and_labelled(kind: str, history: History, tmp_path: Path) -> None:
     units = Units("s", "mm", "N/mm", "MPa", "mJ/mm")
-    fig = plot_march(history, kind, units=units, title="block", **drawn(kind))  # type: ignore[arg-type]
+    fig = plot_march(history, kind, units=units, title="block", **keywords_of(kind))  # type: ignore[arg-type]
     path = save(fig, tmp_path / f"{kind}.png", dpi=50)
     assert path.stat().st_size > 3000
     labels = [axis.get_label_text() for ax in fig.axes for axis in (ax.xaxis, ax.yaxis)]

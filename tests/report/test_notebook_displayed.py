@@ -130,7 +130,7 @@ def test_nothing_to_draw_is_said(values: dict[str, Any]) -> None:
 # ---- the certificate -------------------------------------------------------------------------------------------
 
 
-def bars(figure: Any, panel: int) -> list[tuple[float, bool]]:
+def bar_ends(figure: Any, panel: int) -> list[tuple[float, bool]]:
     """Where bars end, and whether they are filled."""
     found = figure.axes[panel].patches
     return [(one.get_x() + one.get_width(), one.get_facecolor()[3] > 0.0) for one in found]
@@ -144,7 +144,7 @@ def words(figure: Any) -> str:
 def test_a_certificate_as_a_picture(values: dict[str, Any]) -> None:
     several = values["certificate"]
     figure = several.plot()
-    ((end, filled),) = bars(figure, 0)
+    ((end, filled),) = bar_ends(figure, 0)
     assert end == pytest.approx(1.0 - several.margin)
     assert filled
     assert "no bound: the margin is not positive" in words(figure)
@@ -152,7 +152,7 @@ def test_a_certificate_as_a_picture(values: dict[str, Any]) -> None:
 
     one = values["solution"].certify(exact=True)
     figure = one.plot()
-    equilibrium, _, discrete, exact = bars(figure, 1)
+    equilibrium, _, discrete, exact = bar_ends(figure, 1)
     assert equilibrium[0] == pytest.approx(one.equilibrium_relative)
     assert discrete == (pytest.approx(one.error_bound_relative), True)
     assert exact == (pytest.approx(one.exact.relative), one.exact.guaranteed)
@@ -163,16 +163,16 @@ def test_what_is_sampled_or_left_out_looks_so(values: dict[str, Any]) -> None:
     one = values["solution"].certify()
     sampled = replace(one, error_bound_sampled=True, smallness=replace(one.smallness, alpha_sampled=True))
     figure = report.plot_certificate(sampled)
-    assert not bars(figure, 0)[0][1]
-    assert not bars(figure, 1)[2][1]
+    assert not bar_ends(figure, 0)[0][1]
+    assert not bar_ends(figure, 1)[2][1]
     assert "(sampled)" in words(figure)
     assert "about" in words(figure)
     late = replace(one, left_out=("margin", "error bound"), margin=-np.inf, error_bound_relative=np.inf)
     figure = report.plot_certificate(late)
-    assert bars(figure, 0) == []
+    assert bar_ends(figure, 0) == []
     assert words(figure).count("because the time limit was reached") == 2
     endless = report.plot_certificate(replace(one, margin=-np.inf))
-    assert bars(endless, 0)[0][0] > endless.axes[0].get_xlim()[1]
+    assert bar_ends(endless, 0)[0][0] > endless.axes[0].get_xlim()[1]
 
 
 # ---- the certificate beside solutions and problems -------------------------------------------------------------

@@ -13,7 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.files import write_vtu
 from hemivar.files.boundary import contact_boundaries
 from hemivar.report import plot_contact, plot_solution
-from tests.discrete.test_own_mesh import FRICTION, arrays_of, block, given_by
+from tests.discrete.test_own_mesh import FRICTION, arrays_of, given_by, rubbing_cube
 
 
 def test_the_solution_is_drawn_and_written(tmp_path: Path) -> None:
@@ -40,7 +40,7 @@ def test_the_solution_is_drawn_and_written(tmp_path: Path) -> None:
 
 
 def test_a_solid_is_drawn_and_written(tmp_path: Path) -> None:
-    found = hv.solve(arrays_of(hv.discretize(block())))
+    found = hv.solve(arrays_of(hv.discretize(rubbing_cube())))
     assert plot_solution(found).axes
     assert plot_contact(found).axes
     assert write_vtu(found, tmp_path / "a.vtu")[1] is not None

@@ -88,7 +88,7 @@ def test_solution_with_curved_boundary(curved: Solution, arrows: Arrows, scale: 
     figure = plot_solution(curved, arrows=arrows, scale=scale)
     axes = figure.axes[0]
     marked = np.vstack([line.get_xydata() for line in axes.lines if line.get_linestyle() == "None"])
-    places = moved(curved, scale)
+    places = displaced_points(curved, scale)
     np.testing.assert_allclose(marked[np.lexsort(marked.T)], places[np.lexsort(places.T)], atol=1e-12)
     quivers = axes.findobj(Quiver)
     assert len(quivers) == {Arrows.FORCE: 1, Arrows.COMPONENTS: 2, Arrows.NONE: 0}[arrows]
@@ -108,7 +108,7 @@ def problem_points(solution: Solution) -> np.ndarray:
     return solution.problem.field.mesh.points
 
 
-def moved(solution: Solution, scale: float) -> np.ndarray:
+def displaced_points(solution: Solution, scale: float) -> np.ndarray:
     """Contact points displaced, by the interpolated displacement."""
     from hemivar.fem import interpolate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import hemivar as hv
-from tests.fem.test_contact_basis import bowl, pressed
+from tests.fem.test_contact_basis import bowl, pressed_cube
 from tests.fem.test_stress_stiffness import bar
 
 
@@ -18,5 +18,5 @@ def test_the_stress_that_is_held_or_left_out_is_said() -> None:
 
 def test_penetration_is_that_of_nodes() -> None:
     contact = {"bottom": hv.Contact(hv.Compliance(50.0), gap=bowl)}
-    solution = hv.solve(replace(pressed(hv.Signorini()), contact=contact))
+    solution = hv.solve(replace(pressed_cube(hv.Signorini()), contact=contact))
     assert f"{solution.penetration.max():.6g}" in str(solution.summary())

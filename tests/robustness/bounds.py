@@ -27,7 +27,7 @@ from hemivar.errors import ProblemError
 from hemivar.formula import Formula, FormulaArray
 from tests.robustness.elasticity import Body, gauss_rule, isotropic, stiffness
 
-__all__ = ["BoundCase", "Verdict", "judge", "main", "make", "run"]
+__all__ = ["BoundCase", "Verdict", "judge", "main", "make", "run_bounds"]
 
 #: How often the mesh is cut in halves for the reference, and points an axis of the rule of its loads.
 _FINER, _POINTS = {2: 3, 3: 1}, {2: 8, 3: 5}
@@ -368,7 +368,7 @@ def _judged(task: tuple[int, int]) -> Verdict:
     return judge(make(*task))
 
 
-def run(seed: int, numbers: range, jobs: int = 1) -> Iterator[Verdict]:
+def run_bounds(seed: int, numbers: range, jobs: int = 1) -> Iterator[Verdict]:
     """Judge cases one after the other, or in several processes; in the order of the numbers."""
     tasks = [(seed, number) for number in numbers]
     if jobs == 1:
@@ -387,7 +387,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--jobs", type=int, default=2, help="processes at work at once (2)")
     given = parser.parse_args(arguments)
     begun, verdicts = time.monotonic(), []
-    for one in run(given.seed, range(given.first, given.first + given.cases), given.jobs):
+    for one in run_bounds(given.seed, range(given.first, given.first + given.cases), given.jobs):
         verdicts.append(one)
         print(
             f"{one.name:>8} {one.outcome:12} {one.bound:10.4g} {one.error:10.4g} {one.ratio:8.2f}  {one.note}",

@@ -22,7 +22,7 @@ from hemivar.fem.transfer import interpolate
 from hemivar.laws import BilinearCohesion, CoupledFormulaLaw, MixedMode, OrthotropicFriction, VectorLaw
 from tests.robustness.elasticity import Body, isotropic, stiffness
 
-__all__ = ["KINDS", "CoupledCase", "Judged", "judge", "make"]
+__all__ = ["KINDS", "CoupledCase", "Judged", "judge_coupled", "make"]
 
 #: The tractions of a law: penetrations (m,), slips (m, t) and computed forces (m, 1 + t) to how far these are off.
 Misfit = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -221,7 +221,7 @@ def _finer(case: CoupledCase, mesh: hv.Mesh) -> tuple[np.ndarray, np.ndarray, fl
     return u, K, max(worst, float(np.abs(left).max() / np.abs(load).max()))
 
 
-def judge(case: CoupledCase) -> Judged:
+def judge_coupled(case: CoupledCase) -> Judged:
     """Solve, bound, and hold the bound against the finer solution."""
     problem = case.problem
     solution = hv.solve(problem, controls=hv.Controls(rtol=1e-10)).raise_for_status()

@@ -51,9 +51,9 @@ def random_evolution(rng: random.Random) -> tuple[dict[str, Any], dict[str, str]
     if late and gap == 0.0:
         gap = 0.1 * pull
     force, begins = 0.1 * size, handing and not late
-    loads: dict[str, Any] = {"body": [_load(rng, force, until, begins) for _ in range(2)]}
+    loads: dict[str, Any] = {"body": [_load_in_time(rng, force, until, begins) for _ in range(2)]}
     if rng.random() < 0.4:
-        loads["traction"] = {"right": [_load(rng, force, until, begins) for _ in range(2)]}
+        loads["traction"] = {"right": [_load_in_time(rng, force, until, begins) for _ in range(2)]}
     contact: dict[str, Any] = {"normal": normal, "gap": gap}
     if friction is not None:
         contact["friction"] = friction
@@ -104,7 +104,7 @@ def _ramp(rng: random.Random, size: float, until: float) -> str:
     return f"{most:.6g} * t / {until!r}"
 
 
-def _load(rng: random.Random, size: float, until: float, begins: bool) -> float | str:
+def _load_in_time(rng: random.Random, size: float, until: float, begins: bool) -> float | str:
     return _of(rng, -2.0, 1.0) * size if not begins and rng.random() < 0.5 else _ramp(rng, 2.0 * size, until)
 
 

@@ -22,7 +22,7 @@ _PARALLEL = (
 
 def result_case(name: str, rng: random.Random) -> Case:
     """A case that reads a result file."""
-    make = rng.choices([_mesh, _solution, _film, _table], [25, 25, 40, 10])[0]
+    make = rng.choices([_mesh_case, _solution, _film, _table], [25, 25, 40, 10])[0]
     return make(name, rng)
 
 
@@ -52,7 +52,7 @@ def _statement(file: str, names: tuple[str, str]) -> bytes:
     ).encode()  # fmt: skip
 
 
-def _mesh(name: str, rng: random.Random) -> Case:
+def _mesh_case(name: str, rng: random.Random) -> Case:
     mesh = grid_mesh(rng.randint(1, 3), rng.randint(1, 3))
     number = {n: k for k, n in enumerate(mesh.nodes)}
     group = {text: key[1] for key, text in mesh.names.items()}

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import copy
+import json
 import random
 from typing import Any
 
+from hemivar.laws.registry import NORMAL_LAWS
 from tests.robustness.msh import grid_mesh, write_msh
 
 __all__ = ["FILES", "METHODS", "SEEDS", "known", "random_law", "random_problem", "seed"]
@@ -152,6 +154,14 @@ SEEDS: dict[str, dict[str, Any]] = {
     },
     "tensor": _block(_SURVEY, _TRESCA, material={"tensor": [[12.0, 4.0, 0.0], [4.0, 12.0, 0.0], [0.0, 0.0, 4.0]]}),
 }  # fmt: skip
+
+#: Laws by name that stand in no seed.
+_SEEN = {json.dumps(one["contact"]["bottom"]["normal"]) for one in SEEDS.values()}
+SEEDS |= {
+    name: _block({"law": name, **entry.example})
+    for name, entry in NORMAL_LAWS.items()
+    if not any(f'"{name}"' in one for one in _SEEN) and entry.example is not None
+}
 
 
 def known(name: str) -> dict[str, Any]:

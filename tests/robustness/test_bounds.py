@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from tests.robustness.bounds import judge, make, run
+from tests.robustness.bounds import judge, make, run_bounds
 
 CASES = 120
 
@@ -15,7 +15,7 @@ CASES = 120
 @pytest.mark.slow
 def test_no_bound_is_below_the_error() -> None:
     """``python -m tests.robustness bounds --cases 1000 --seed 2`` runs more."""
-    verdicts = list(run(5, range(CASES), jobs=2))
+    verdicts = list(run_bounds(5, range(CASES), jobs=2))
     count = Counter(one.outcome for one in verdicts)
     below = [
         f"{one.name}: bound {one.bound:.4g}, error {one.error:.4g}, {one.note}"

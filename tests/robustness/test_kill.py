@@ -133,7 +133,7 @@ def prepared(folder: Path, files: list[str], content: bytes | None = OLD) -> Pat
 # ---- whole files ---------------------------------------------------------------------------------------------
 
 
-def _table(data: bytes) -> None:
+def _whole_table(data: bytes) -> None:
     rows = list(csv.reader(data.decode().splitlines()))
     assert data.endswith(b"\r\n")
     assert len({len(row) for row in rows}) == 1
@@ -147,7 +147,7 @@ _WHOLE: dict[str, Callable[[bytes], Any]] = {
     ".json": json.loads,
     ".vtu": ElementTree.fromstring,
     ".svg": ElementTree.fromstring,
-    ".csv": _table,
+    ".csv": _whole_table,
     # Table 1 has a note below
     ".md": lambda data: _ends(data, b"sets exactly." if b"\n\nAssembly" in data else b"|"),
     ".png": lambda data: _ends(data, b"IEND\xaeB`\x82"),

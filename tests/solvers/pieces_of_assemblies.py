@@ -53,7 +53,7 @@ class Law:
         return ("stick", "ahead", "back") if self.bound or self.mu else ("free",)
 
 
-def random_law(rng: np.random.Generator, size: float, glue: bool = True) -> Law:
+def random_pieces(rng: np.random.Generator, size: float, glue: bool = True) -> Law:
     """Rigid contact, springs or glue that softens; smooth, with a bound of friction, or with Coulomb's law."""
     kind, friction = rng.choice(["rigid", "springs", "glue"] if glue else ["rigid", "springs"]), rng.integers(3)
     stiff, soft = float(10.0 ** rng.uniform(0.0, 3.0)), float(10.0 ** rng.uniform(-1.0, 1.0))
@@ -123,13 +123,13 @@ def random_assembly(rng: np.random.Generator) -> Assembly:
     laws: dict[str, Law] = {}
     for k in range(1, count):
         below = 0 if side_by_side else k - 1
-        law = random_law(rng, size)
+        law = random_pieces(rng, size)
         gap = float(rng.choice([0.0, 0.02, -0.02])) * float(rng.random())
         master, slave = f"b{below}:top", f"b{k}:bottom"
         laws[slave] = _against(law, master, gap, slave if rng.random() < 0.5 or side_by_side else None)
     supports: dict[str, hv.mechanics.Clamped | hv.Fixed | hv.Prescribed] = {}
     if rng.random() < 0.35:
-        laws["b0:bottom"] = random_law(rng, size, glue=False)
+        laws["b0:bottom"] = random_pieces(rng, size, glue=False)
         if rng.random() < 0.5:
             supports["b0:left"] = hv.Fixed(x=0.0)
     else:

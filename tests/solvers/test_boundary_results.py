@@ -74,14 +74,14 @@ def solution(request: pytest.FixtureRequest) -> Solution:
     return solve(discretize(PROBLEMS[request.param])).raise_for_status()
 
 
-def stated(solution: Solution) -> ContactProblem:
+def statement_of(solution: Solution) -> ContactProblem:
     assert solution.problem.origin is not None
     return solution.problem.origin
 
 
 def test_loads_contact_and_reactions_are_in_equilibrium(solution: Solution) -> None:
     """Forces and moments of the whole body add up to zero."""
-    problem = stated(solution)
+    problem = statement_of(solution)
     nodes = problem.mesh.nodes(problem.order)
     load = load_vector(problem.mesh, problem.order, problem.body_force, problem.tractions).reshape(nodes.shape)
     contact = sum(solution.on(name).force for name in problem.contact)
@@ -94,7 +94,7 @@ def test_loads_contact_and_reactions_are_in_equilibrium(solution: Solution) -> N
 
 def test_reactions_are_what_all_equations_leave(solution: Solution) -> None:
     """By the assembled matrix of all nodes: nothing is left but at nodes of supports."""
-    problem = stated(solution)
+    problem = statement_of(solution)
     K = stiffness_matrix(problem.mesh, problem.material, problem.order)
     load = load_vector(problem.mesh, problem.order, problem.body_force, problem.tractions)
     left = K @ solution.displacement.ravel() - load
@@ -109,7 +109,7 @@ def test_reactions_are_what_all_equations_leave(solution: Solution) -> None:
 
 
 def test_internal_forces_are_those_of_the_matrix(solution: Solution) -> None:
-    problem = stated(solution)
+    problem = statement_of(solution)
     u = np.random.default_rng(0).normal(size=solution.displacement.shape)
     K = stiffness_matrix(problem.mesh, problem.material, problem.order)
     force = internal_forces(problem, u, np.arange(problem.mesh.number_of_cells))
@@ -170,7 +170,7 @@ def test_reactions_of_another_load_are_refused() -> None:
 
 def test_reactions_without_contact() -> None:
     solution = solve(discretize(beam()))
-    problem = stated(solution)
+    problem = statement_of(solution)
     load = load_vector(problem.mesh, problem.order, problem.body_force, problem.tractions)
     total = load.reshape(-1, problem.mesh.dim).sum(axis=0) + sum(solution.reactions.values())
     np.testing.assert_allclose(total, 0.0, atol=1e-9 * np.abs(load).sum())

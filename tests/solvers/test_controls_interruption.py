@@ -166,14 +166,14 @@ _BLOCK = """
 """
 
 
-def block(points: int, interior: int) -> str:
+def script_of_block(points: int, interior: int) -> str:
     return textwrap.dedent(_BLOCK).replace("{points}", str(points)).replace("{interior}", str(interior))
 
 
 @needs_linux
 def test_memory_that_gives_out_in_a_step_leaves_the_iterate(tmp_path: Path) -> None:
     process = start(
-        block(1100, 0)  # matrices of 39 MB
+        script_of_block(1100, 0)  # matrices of 39 MB
         + textwrap.dedent(
             """
             found = solve(problem, NonsmoothNewton(), Controls(callback=lambda line: limit(8)))
@@ -192,7 +192,7 @@ def test_memory_that_gives_out_in_a_step_leaves_the_iterate(tmp_path: Path) -> N
 def test_a_factorisation_that_does_not_fit_is_refused_with_a_way_out(checked: bool, tmp_path: Path) -> None:
     """Before it starts where the model sees it coming, and with the same way out where the library runs into it."""
     process = start(
-        block(30, 27**3)  # factors of some 200 MB
+        script_of_block(30, 27**3)  # factors of some 200 MB
         + textwrap.dedent(
             f"""
             if not {checked}:

@@ -185,7 +185,7 @@ def test_at_most_three_others_are_tried_and_none_twice(first: Solver, ended: Sta
 # ---- what breaks -------------------------------------------------------------------------------------------------
 
 
-def pulled(stretch: float, **glue: float) -> hv.ContactProblem:
+def glued_tower(stretch: float, **glue: float) -> hv.ContactProblem:
     """A block of height 10 and stiffness 1000 / (1 - .3^2), glued to its ground with the strength 2."""
     return hv.ContactProblem(
         mesh=hv.rectangle((4.0, 10.0), (2, 4)),
@@ -200,9 +200,9 @@ def pulled(stretch: float, **glue: float) -> hv.ContactProblem:
 def test_glue_below_its_strength_holds(glue: dict[str, float], method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tension of a block and its glue in series."""
     monkeypatch.setattr(SOLVING, "choose", lambda problem: (METHODS[method], ""))
-    found = solve(pulled(0.01, **glue))
+    found = solve(glued_tower(0.01, **glue))
     assert -found.normal_force / 4.0 == pytest.approx(0.01 / (10.0 * (1.0 - 0.3**2) / 1000.0 + 1e-6), rel=1e-9)
-    lower = solve(pulled(0.01, **glue), NonsmoothNewton())
+    lower = solve(glued_tower(0.01, **glue), NonsmoothNewton())
     said = [remark for remark in found.remarks if "lower energy exists" in remark]
     assert bool(said) is (lower.energy < found.energy - 1e-6 * abs(found.energy))
     assert bool(said) is (glue == {})
@@ -212,11 +212,11 @@ def test_nothing_lower_is_claimed_where_the_bond_has_least_energy() -> None:
     """The bond stores s^2/2/k, what is broken frees s^2/2 h/E: as much, for s = 2 k y, at a stretch of nothing only;
     but a point alone lets go for the part of the body beside it, which at a small stretch costs more than it frees."""
     for stretch in (1e-9, 1e-8):
-        assert solve(pulled(stretch)).remarks == ()
+        assert solve(glued_tower(stretch)).remarks == ()
 
 
 def test_glue_beyond_its_strength_has_let_go() -> None:
-    found = solve(pulled(0.03)).raise_for_status()
+    found = solve(glued_tower(0.03)).raise_for_status()
     assert abs(found.normal_force) < 1e-9
 
 

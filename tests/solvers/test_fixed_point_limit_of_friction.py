@@ -12,7 +12,7 @@ from tests.samples import sampled, slow
 from .pieces_of_friction import Points
 
 
-def block(seed: int, k: int) -> tuple[DiscreteProblem, float, float | None]:
+def drawn_aside(seed: int, k: int) -> tuple[DiscreteProblem, float, float | None]:
     """A block drawn aside by ``1 - 10^-k`` of what friction can hold, its mu, and the stiffness of its foundation."""
     rng = np.random.default_rng([52, seed])
     mu, units, soft = rng.uniform(0.1, 0.7), float(rng.choice([1e-6, 1.0, 1e9])), bool(rng.integers(2))
@@ -47,12 +47,12 @@ def by_hand(problem: DiscreteProblem, mu: float, stiffness: float | None) -> lis
 @pytest.mark.parametrize("number", sampled(range(90), [6, 7, 22, 36, 52, 53, 69, 88]))
 def test_a_block_near_the_limit_of_its_friction(number: int) -> None:
     k = 1 + number % 15
-    found = hv.solve(block(number, k)[0])
+    found = hv.solve(drawn_aside(number, k)[0])
     if found.status is hv.Status.AT_LIMIT:
         assert k > 8
         return
     assert found.status is hv.Status.CONVERGED, (k, found.status)
-    right = by_hand(*block(number, min(k, 7)))
+    right = by_hand(*drawn_aside(number, min(k, 7)))
     near = min(np.abs(found.slip[:, 0] - one[:, 1]).max() for one in right)
     assert near <= 1e-3 * np.abs(right[0][:, 1]).max() + 1e-12 * np.abs(found.displacement).max(), k
 
@@ -73,7 +73,7 @@ def test_the_slip_next_to_the_limit_is_that_at_some_distance(k: int) -> None:
     assert largest[1] == pytest.approx(largest[0], rel=1e-4)
 
 
-def plate(k: int, friction: hv.laws.Friction) -> hv.ContactProblem:
+def drawn_askew(k: int, friction: hv.laws.Friction) -> hv.ContactProblem:
     """A block in space, drawn askew by ``1 - 10^-k`` of a friction of 0.3."""
     pull = 0.3 * (1.0 - 10.0**-k)
     return hv.ContactProblem(
@@ -85,7 +85,7 @@ def plate(k: int, friction: hv.laws.Friction) -> hv.ContactProblem:
 @pytest.mark.parametrize("friction", [hv.Coulomb(0.3), hv.Tresca(0.3)], ids=["coulomb", "tresca"])
 def test_in_space_a_slide_grows_with_the_root_of_what_is_near(friction: hv.laws.Friction) -> None:
     """All points slip: their directions differ by angles t, friction loses t^2/2, and t falls as the slide grows."""
-    near, nearer = (hv.solve(plate(k, friction)) for k in (6, 8))
+    near, nearer = (hv.solve(drawn_askew(k, friction)) for k in (6, 8))
     assert near.status is nearer.status is hv.Status.CONVERGED
     assert np.abs(nearer.slip).max() == pytest.approx(10.0 * np.abs(near.slip).max(), rel=1e-2)
     said = [any("has slid by" in line for line in found.warnings) for found in (near, nearer)]
@@ -95,7 +95,7 @@ def test_in_space_a_slide_grows_with_the_root_of_what_is_near(friction: hv.laws.
 
 def test_a_slide_is_never_converged() -> None:
     """Whatever its length: the residual of a slide at 1 - 10^-12 of the limit is below the tolerance."""
-    problem, *_ = block(11, 12)
+    problem, *_ = drawn_aside(11, 12)
     found = hv.solve(problem, "newton")
     assert found.status is hv.Status.AT_LIMIT
     assert "limit of friction" in found.remedy
@@ -104,7 +104,7 @@ def test_a_slide_is_never_converged() -> None:
 
 def test_a_slide_excuses_nothing() -> None:
     """What rounding may leave is that of the answer, wherever a body that nothing holds sideways is put."""
-    problem, *_ = block(7, 7)
+    problem, *_ = drawn_aside(7, 7)
     found = hv.solve(problem)
     assert problem.field is not None
     along = problem.field.lift @ np.tile([1.0, 0.0], problem.field.number_of_nodes)

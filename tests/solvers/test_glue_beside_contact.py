@@ -43,7 +43,7 @@ def notched(crack: float, cells: int = 50) -> Mesh:
     return replace(mesh, boundaries={**mesh.boundaries, "foot": foot, "pad": pad})
 
 
-def bent(
+def three_point_bending(
     crack: float,
     touching: hv.Contact = SIGNORINI,
     force: float = 1.0,
@@ -65,7 +65,7 @@ def bent(
 
 def flexure(crack: float, touching: hv.Contact = SIGNORINI) -> hv.Solution:
     """The beam under the force 1, where nothing is damaged."""
-    return hv.solve(bent(crack, touching)).raise_for_status()
+    return hv.solve(three_point_bending(crack, touching)).raise_for_status()
 
 
 def sinks(solution: hv.Solution) -> float:
@@ -103,7 +103,7 @@ def test_an_end_notched_beam_fails_where_beam_theory_says(strength: float, cells
     limit = np.sqrt(16.0 * SHEAR_ENERGY * YOUNG * ARM**3 / 9.0) / (crack + longer)
     at, broken = None, []
     for factor in (*np.linspace(0.5, part, 10).tolist(), 1.0):
-        problem = bent(crack, force=factor * limit, glue=stiff(strength), cells=cells)
+        problem = three_point_bending(crack, force=factor * limit, glue=stiff(strength), cells=cells)
         found = hv.solve(problem, initial=at).raise_for_status()
         at, places = found.unknowns, found.contact.points
         assert places is not None
@@ -146,7 +146,7 @@ def cracked(glue: hv.laws.VectorLaw, touching: hv.Contact, pull: tuple[float, fl
     return hv.solve(problem, controls=hv.Controls(rtol=1e-11)).raise_for_status()
 
 
-def same(one: hv.Solution, other: hv.Solution, near: float) -> None:
+def same_displacement(one: hv.Solution, other: hv.Solution, near: float) -> None:
     size = np.abs(one.displacement).max()
     np.testing.assert_allclose(other.displacement, one.displacement, atol=near * size)
 
@@ -157,7 +157,7 @@ def test_with_one_energy_it_is_the_potential(name: str) -> None:
     pull = (0.27, -0.1) if name == "coulomb" else (0.1, 0.18)
     found = cracked(ONE_ENERGY, CONTACTS[name], pull)
     assert 0.0 < np.nanmax(found.debonding["damage"]) < 1.0
-    same(found, cracked(AS_POTENTIAL, CONTACTS[name], pull), 1e-8)
+    same_displacement(found, cracked(AS_POTENTIAL, CONTACTS[name], pull), 1e-8)
 
 
 @pytest.mark.parametrize("name", [slow("signorini"), "coulomb"])
@@ -165,7 +165,7 @@ def test_which_side_comes_first_does_not_matter(name: str) -> None:
     """The node where the crack ends belongs to the glue, whichever side of the cut sees the other one."""
     found = cracked(BLOCK, CONTACTS[name], (0.03, -0.1))
     for side in ("crack", "joint"):
-        same(found, cracked(BLOCK, CONTACTS[name], (0.03, -0.1), side), 1e-7)
+        same_displacement(found, cracked(BLOCK, CONTACTS[name], (0.03, -0.1), side), 1e-7)
 
 
 @pytest.mark.parametrize("bound", [slow(0.02), hv.laws.CoulombBound(0.2)])

@@ -34,7 +34,7 @@ def pieces(rng: np.random.Generator, m: int, convex: bool, walls: bool) -> Piece
     return PiecewiseQuadratic(knots, slopes, jumps, start=rng.normal(size=m), **ends)
 
 
-def body(rng: np.random.Generator, law: VectorLaw, m: int, components: int) -> DiscreteProblem:
+def random_points(rng: np.random.Generator, law: VectorLaw, m: int, components: int) -> DiscreteProblem:
     n = m * components
     root = rng.normal(size=(n, n))
     return DiscreteProblem.of_arrays(
@@ -70,7 +70,7 @@ def assert_first(line: SearchLine, length: float, there: float, sampled: Array, 
 def test_the_bottom_over_pieces_is_that_of_a_fine_sampling(seed: int, convex: bool, walls: bool) -> None:
     rng = np.random.default_rng([seed, convex, walls])
     law = ContactLaw(pieces(rng, 12, convex, walls), Friction(rng.uniform(0.0, 1.0, 12)))
-    line = line_of(body(rng, law, 12, 2), rng, Search.GLOBAL)
+    line = line_of(random_points(rng, law, 12, 2), rng, Search.GLOBAL)
     knots = law.crossings(line.at.r, line.along)
     assert knots is not None
     sampled = energies(line)
@@ -86,7 +86,7 @@ def test_the_bottom_over_pieces_is_that_of_a_fine_sampling(seed: int, convex: bo
 def test_slopes_close_in_the_bottom_that_the_pieces_say(seed: int) -> None:
     rng = np.random.default_rng(seed)
     law = ContactLaw(pieces(rng, 12, True, False), Friction(rng.uniform(0.0, 1.0, 12)))
-    line = line_of(body(rng, law, 12, 2), rng, Search.GLOBAL)
+    line = line_of(random_points(rng, law, 12, 2), rng, Search.GLOBAL)
     (known,) = [line.bottom(1.0)]
     object.__setattr__(line.system.law, "crossings", lambda r, way: None)
     sought = replace(line).bottom(1.0)
@@ -99,7 +99,7 @@ def test_bottoms_of_laws_that_are_not_quadratic(seed: int, components: int) -> N
     rng = np.random.default_rng([seed, components])
     friction = Friction(rng.uniform(0.0, 1.0, 9), ExponentialWeakening(1.0, 0.5, 3.0))
     law = ContactLaw(hv.Compliance(rng.uniform(0.0, 5.0, 9)), Friction(friction.bound) if seed % 2 else friction)
-    line = line_of(body(rng, law, 9, components), rng, Search.DOWNHILL)
+    line = line_of(random_points(rng, law, 9, components), rng, Search.DOWNHILL)
     sampled = energies(line)
     low, _ = line._bottom_across()
     assert_first(
@@ -111,7 +111,7 @@ def test_bottoms_of_laws_that_are_not_quadratic(seed: int, components: int) -> N
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_way_that_stops_at_ends_of_pieces_has_the_slope_of_its_energy(seed: int, law: Superpotential) -> None:
     rng = np.random.default_rng(seed)
-    line = line_of(body(rng, ContactLaw(law, Friction(rng.uniform(0.0, 1.0, 12))), 12, 2), rng, Search.GLOBAL)
+    line = line_of(random_points(rng, ContactLaw(law, Friction(rng.uniform(0.0, 1.0, 12))), 12, 2), rng, Search.GLOBAL)
     lengths = np.concatenate([rng.uniform(0.0, 1.0, 5), rng.uniform(1.0, 9.0, 5)])
     exits = line._exits[0]
     for t in lengths[np.abs(lengths[:, None, None] - exits).min(axis=(1, 2)) > 1e-4]:
@@ -125,7 +125,7 @@ def test_the_way_that_stops_at_ends_of_pieces_has_the_slope_of_its_energy(seed: 
 def test_a_direction_of_any_size_ends_at_the_same_bottom(size: float) -> None:
     rng = np.random.default_rng(7)
     law = ContactLaw(hv.Signorini(), Friction(rng.uniform(0.0, 1.0, 12)))
-    line = line_of(body(rng, law, 12, 2), rng, Search.GLOBAL)
+    line = line_of(random_points(rng, law, 12, 2), rng, Search.GLOBAL)
     scaled = SearchLine.of(line.system, line.at, size * line.direction, size * line.bent)
     assert scaled.bottom(1.0 / size).energy_change == pytest.approx(line.bottom(1.0).energy_change, rel=1e-6)
 
@@ -166,7 +166,7 @@ def test_the_first_bottom_the_lowest_one_and_none_at_all(square: float, lowest: 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_points_that_end_at_a_knot_are_on_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    line = line_of(body(rng, ContactLaw(hv.Signorini()), 12, 2), rng, Search.GLOBAL)
+    line = line_of(random_points(rng, ContactLaw(hv.Signorini()), 12, 2), rng, Search.GLOBAL)
     knots = line.system.law.crossings(line.at.r, line.along)
     assert knots is not None
     for length, point in zip(knots.length, knots.point, strict=True):

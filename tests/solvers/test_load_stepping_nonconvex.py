@@ -47,7 +47,7 @@ LAYERED = PiecewiseQuadratic([0.0, 0.03, 0.06], [0.0, 40.0, -60.0, 0.0], [0.0, 0
 CAPPED = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0], name="capped")
 
 
-def strip(normal: Superpotential, friction: Friction, n: int = 8, factor: float = 1.0) -> DiscreteProblem:
+def published_strip(normal: Superpotential, friction: Friction, n: int = 8, factor: float = 1.0) -> DiscreteProblem:
     """The strip of Jureczka and Ochal (2019)."""
     return discretize(
         bodies.strip(Contact(normal, friction), (2 * n, n), "cross", body_force=(-1.2 * factor, -0.9 * factor))
@@ -91,9 +91,9 @@ def test_load_stepping_follows_the_supported_branch_to_its_end(load: float, root
 
 
 def test_supported_and_broken_through_solutions_of_a_capped_foundation() -> None:
-    problem = strip(CAPPED, Tresca(0.1), factor=1.5)
+    problem = published_strip(CAPPED, Tresca(0.1), factor=1.5)
     supported = solve(problem, LoadStepping())
-    open_body = strip(PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Tresca(0.0), factor=1.5)
+    open_body = published_strip(PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Tresca(0.0), factor=1.5)
     through = solve(problem, NonsmoothNewton(search=Search.DOWNHILL), initial=solve(open_body).unknowns)
     assert supported.status is Status.CONVERGED
     assert through.status is Status.CONVERGED
@@ -106,7 +106,7 @@ def test_supported_and_broken_through_solutions_of_a_capped_foundation() -> None
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize("law", [CAPPED, LAYERED], ids=["capped", "layered"])
 def test_newton_converges_with_falling_energy_on_bodies(law: Superpotential, factor: float, n: int) -> None:
-    found = solve(strip(law, SlipWeakening(0.5), n, factor))
+    found = solve(published_strip(law, SlipWeakening(0.5), n, factor))
     assert found.status is Status.CONVERGED, found.residual
     energies = np.array([line.energy for line in found.history])
     assert (np.diff(energies) <= 1e-12 * abs(energies).max()).all()
@@ -117,7 +117,9 @@ def test_newton_converges_with_falling_energy_on_bodies(law: Superpotential, fac
 
 @pytest.mark.parametrize("method", METHODS)
 def test_methods_on_a_weakly_convex_law_agree_or_refuse(method: str) -> None:
-    problem = strip(PiecewiseQuadratic([0.0, 0.02, 0.06], [0.0, 8.0, -1.0, 0.0], [0.0] * 3), SlipWeakening(0.05), 4)
+    problem = published_strip(
+        PiecewiseQuadratic([0.0, 0.02, 0.06], [0.0, 8.0, -1.0, 0.0], [0.0] * 3), SlipWeakening(0.05), 4
+    )
     reference = solve(problem)
     assert reference.status is Status.CONVERGED
     why = METHODS[method].refuse(problem)
@@ -135,7 +137,7 @@ def test_methods_on_a_weakly_convex_law_agree_or_refuse(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_methods_on_a_law_that_jumps_down_solve_or_refuse(method: str) -> None:
-    problem = strip(CAPPED, Tresca(0.1), 4)
+    problem = published_strip(CAPPED, Tresca(0.1), 4)
     reference = solve(problem)
     why = METHODS[method].refuse(problem)
     if why is not None:
@@ -162,7 +164,7 @@ def frozen(solution: Solution) -> DiscreteProblem:
 
 
 def test_a_bound_that_is_a_python_function_is_solved_by_a_fixed_point() -> None:
-    problem = strip(CAPPED, Logarithmic(PenetrationBound(ramp)))
+    problem = published_strip(CAPPED, Logarithmic(PenetrationBound(ramp)))
     found = solve(problem)
     assert found.method == "fixed-point(newton)"
     assert found.status is Status.CONVERGED
@@ -174,7 +176,7 @@ def test_a_bound_that_is_a_python_function_is_solved_by_a_fixed_point() -> None:
 
 @pytest.mark.slow
 def test_a_fixed_point_in_steps_of_the_load_ends_where_the_whole_load_does() -> None:
-    problem = strip(CAPPED, Logarithmic(PenetrationBound(ramp)))
+    problem = published_strip(CAPPED, Logarithmic(PenetrationBound(ramp)))
     found = solve(problem)
     by_steps = solve(problem, LoadStepping(FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))))
     assert by_steps.status is Status.CONVERGED
@@ -182,7 +184,7 @@ def test_a_fixed_point_in_steps_of_the_load_ends_where_the_whole_load_does() -> 
 
 
 def test_coulomb_friction_is_mu_times_the_pressure_where_the_body_slips() -> None:
-    problem = strip(Compliance(20.0), Friction(CoulombBound(0.2)))
+    problem = published_strip(Compliance(20.0), Friction(CoulombBound(0.2)))
     found = solve(problem)
     assert found.status is Status.CONVERGED
     bound = 0.2 * np.maximum(found.pressure, 0.0)
@@ -250,7 +252,7 @@ def test_relaxation_counts_for_the_pressure_as_for_the_displacement() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_other_methods_want_to_be_wrapped(method: str) -> None:
-    problem = strip(Compliance(20.0), Friction(CoulombBound(0.2)), 2)
+    problem = published_strip(Compliance(20.0), Friction(CoulombBound(0.2)), 2)
     with pytest.raises(MethodError, match="FixedPoint"):
         solve(problem, METHODS[method])
     wrapped = suited(METHODS[method], problem)

@@ -15,7 +15,7 @@ from hemivar.solvers.fallbacks import others
 from hemivar.systems.body_on_levels import levels_of, set_up
 from hemivar.systems.workspace import Workspace
 
-from .test_sliding_semicoercive import _mesh
+from .test_sliding_semicoercive import _mesh_on_feet
 
 ON_LEVELS = NonsmoothMultigrid()
 FROZEN = FixedPoint(ON_LEVELS)
@@ -23,7 +23,7 @@ FROZEN = FixedPoint(ON_LEVELS)
 WHOLE = SemismoothNewton(FROZEN)
 
 
-def block(cells: tuple[int, int], unit: float = 1.0) -> DiscreteProblem:
+def drawn_along(cells: tuple[int, int], unit: float = 1.0) -> DiscreteProblem:
     """A block, 1 by 1/2, that is pressed on its foundation and drawn along it; lengths in some unit."""
     contact = hv.Contact(hv.Signorini(), hv.Coulomb(0.3))
     mesh = hv.rectangle((1.0 * unit, 0.5 * unit), cells)
@@ -39,7 +39,7 @@ SLIPS = {(3, 3): 1.052607e-3, (4, 4): 9.100782e-4, (6, 6): 7.022665e-4, (33, 33)
 @pytest.mark.parametrize("unit", [1.0, 1e3])
 @pytest.mark.parametrize("cells", SLIPS)
 def test_a_block_without_a_coarser_mesh_is_solved_on_levels(cells: tuple[int, int], unit: float) -> None:
-    found = hv.solve(block(cells, unit), WHOLE)
+    found = hv.solve(drawn_along(cells, unit), WHOLE)
     assert found.status is Status.CONVERGED
     assert found.fallbacks == 0
     assert found.steps <= 6
@@ -50,7 +50,7 @@ def test_a_block_without_a_coarser_mesh_is_solved_on_levels(cells: tuple[int, in
 @pytest.mark.parametrize("lift", [0.0, 1.0, -0.01])
 def test_it_does_not_matter_where_the_first_iterate_has_contact(lift: float, method: Solver) -> None:
     """From rest, from far above its foundation, and from within it."""
-    problem = block((5, 5))
+    problem = drawn_along((5, 5))
     start = np.tile([0.0, lift], problem.unknowns // 2)
     found, usual = (hv.solve(problem, method, initial=one) for one in (start, None))
     assert found.status is usual.status is Status.CONVERGED
@@ -77,11 +77,11 @@ def test_a_free_block_in_space_on_another_body() -> None:
     np.testing.assert_allclose(found.unknowns, reference.unknowns, atol=1e-7 * np.abs(reference.unknowns).max())
 
 
-def random_body(number: int) -> DiscreteProblem | None:
+def random_feet(number: int) -> DiscreteProblem | None:
     """A body on feet, perhaps beside a wall, with gaps or none; None where nothing holds it."""
     rng = np.random.default_rng([77, number])
     space = bool(rng.random() < 0.4)
-    mesh = _mesh(rng, space)
+    mesh = _mesh_on_feet(rng, space)
     size = float(np.ptp(mesh.points[:, 0]))
     feet = [("left foot", "right foot"), ("left foot",), ("left foot", "right foot", "wall")][rng.integers(3)]
     contact = {}
@@ -107,7 +107,7 @@ def agree(numbers: range | tuple[int, ...]) -> int:
     """Random bodies on which both ways to Newton's equation agree; how many there were."""
     seen = 0
     for number in numbers:
-        problem = random_body(number)
+        problem = random_feet(number)
         if problem is None or problem.limit is not None:
             continue
         found, reference = (hv.solve(problem, method, max_time=60.0) for method in ("multigrid", "newton"))
@@ -132,7 +132,7 @@ def test_many_random_bodies_are_solved_on_levels_as_condensed(block: int) -> Non
 
 
 def test_levels_are_given_back_once() -> None:
-    problem, workspace = block((4, 4)), Workspace()
+    problem, workspace = drawn_along((4, 4)), Workspace()
     matrix = set_up(problem, workspace).truncation()
     matrix.release()
     matrix.release()
@@ -140,7 +140,7 @@ def test_levels_are_given_back_once() -> None:
 
 
 def test_a_body_that_friction_lost_on_levels_is_condensed_next() -> None:
-    assert next(iter(others(WHOLE, Status.UNBOUNDED, block((4, 4))))).condenses
+    assert next(iter(others(WHOLE, Status.UNBOUNDED, drawn_along((4, 4))))).condenses
 
 
 # ---- bounds of glue ----------------------------------------------------------------------------------------

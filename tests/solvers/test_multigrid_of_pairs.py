@@ -21,7 +21,7 @@ SOFT = hv.Material.lame(4.0, 4.0)
 TOGETHER, APART = 1.25, 1.5
 
 
-def blocks(upper: int, lower: int, dim: int = 2, shift: float = 0.0) -> hv.Mesh:
+def unit_blocks(upper: int, lower: int, dim: int = 2, shift: float = 0.0) -> hv.Mesh:
     """Two unit blocks, one on the other."""
     make = hv.rectangle if dim == 2 else hv.box
     up, down = (shift,) + (0.0,) * (dim - 1), (0.0,) * (dim - 1) + (-1.0,)
@@ -84,21 +84,21 @@ def test_a_pair_takes_the_cycles_of_one_body(
 ) -> None:
     """One body has as many unknowns, on a foundation with the law of the pair."""
     one = cycles(one_body(sizes[0] * 4 // 3, hv.Contact(contact.normal, contact.friction, gap=contact.gap)))
-    assert cycles(pressed(blocks(*sizes, shift=shift), contact, material)) <= limit * one
+    assert cycles(pressed(unit_blocks(*sizes, shift=shift), contact, material)) <= limit * one
 
 
 @pytest.mark.parametrize("contact", [TOUCHING, RUBBING, CURVED], ids=["alike", "friction", "half"])
 def test_a_pair_without_a_coarser_mesh_takes_no_more(contact: hv.Contact, monkeypatch: pytest.MonkeyPatch) -> None:
     """Odd numbers of cells: what is prescribed must be carried into the bodies as on the nodes that are left."""
-    good = cycles(pressed(blocks(25, 17), contact))
-    assert good <= cycles(pressed(blocks(24, 16), contact)) + 2
+    good = cycles(pressed(unit_blocks(25, 17), contact))
+    assert good <= cycles(pressed(unit_blocks(24, 16), contact)) + 2
     monkeypatch.setattr(body_on_levels.BodyProblem, "carried", None)
-    assert cycles(pressed(blocks(25, 17), contact)) > good
+    assert cycles(pressed(unit_blocks(25, 17), contact)) > good
 
 
 def test_interpolation_of_each_body_by_itself_takes_more_cycles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Jumps must be interpolated as jumps, and what the bodies do together must make none."""
-    problem = pressed(blocks(48, 32), TOUCHING)
+    problem = pressed(unit_blocks(48, 32), TOUCHING)
     good = cycles(problem)
 
     def by_itself(fine: hv.DiscreteProblem) -> hierarchy.Coarser | None:
@@ -152,19 +152,19 @@ def test_held_slave_ends_and_turned_bodies() -> None:
     """Rollers hold one component at the ends of the slave; all of it stands in no axis."""
     contact = {"u:bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3), against="l:top")}
     held = {"l:bottom": hv.Clamped(), "u:left": hv.Roller(), "l:right": hv.Clamped()}
-    for mesh in (blocks(24, 16), blocks(24, 16).rotated(30.0)):
+    for mesh in (unit_blocks(24, 16), unit_blocks(24, 16).rotated(30.0)):
         assert cycles(hv.ContactProblem(mesh, SOFT, contact, held, tractions={"u:top": hv.Pressure(0.2)})) <= 30
 
 
 def test_space() -> None:
     one = cycles(one_body(10, hv.Contact(hv.Signorini(), hv.Tresca(0.02)), dim=3))
     contact = hv.Contact(hv.Signorini(), hv.Tresca(0.02), against="l:top")
-    assert cycles(pressed(blocks(8, 6, dim=3), contact, push=(0.0, 0.0, -0.05))) <= APART * one
+    assert cycles(pressed(unit_blocks(8, 6, dim=3), contact, push=(0.0, 0.0, -0.05))) <= APART * one
 
 
 def test_the_default_method_is_multigrid_where_it_is_for_one_body() -> None:
     one = hv.discretize(one_body(216, hv.Contact(hv.Signorini())))
-    two = hv.discretize(pressed(blocks(180, 120), TOUCHING))
+    two = hv.discretize(pressed(unit_blocks(180, 120), TOUCHING))
     assert abs(one.unknowns / two.unknowns - 1.0) < 0.02
     assert choice.choose(one)[0].name == choice.choose(two)[0].name == "multigrid"
 
@@ -177,7 +177,7 @@ def test_the_default_method_is_multigrid_where_it_is_for_one_body() -> None:
 def test_without_coarser_meshes(contact: hv.Contact, material: hv.Material, limit: float) -> None:
     """Aggregates know that each body may move alone, and that both move as one where they touch."""
     found = []
-    for stated in (one_body(64, replace(contact, against=None)), pressed(blocks(48, 32), contact, material)):
+    for stated in (one_body(64, replace(contact, against=None)), pressed(unit_blocks(48, 32), contact, material)):
         mesh = stated.mesh
         plain = replace(stated, mesh=hv.Mesh(mesh.points, mesh.cells, mesh.boundaries, mesh.regions))
         discrete = hv.discretize(plain)
@@ -189,7 +189,7 @@ def test_without_coarser_meshes(contact: hv.Contact, material: hv.Material, limi
 
 
 def test_where_one_body_has_no_coarser_mesh_levels_go_on_without() -> None:
-    problem = pressed(blocks(64, 50), TOUCHING)
+    problem = pressed(unit_blocks(64, 50), TOUCHING)
     assert cycles(problem) <= APART * cycles(one_body(80, hv.Contact(hv.Signorini())))
     hierarchy = body_on_levels.ElasticMultigrid.of(hv.discretize(problem))
     assert len(hierarchy.steps) == 1
@@ -201,6 +201,6 @@ def test_quadratic_elements_of_a_pair_take_little_more_than_those_of_one_body(
     friction: hv.laws.Friction, upper: int, lower: int
 ) -> None:
     """Both by aggregation: there is no hierarchy of quadratic elements."""
-    pair = replace(pressed(blocks(upper, lower), replace(TOUCHING, friction=friction)), order=2)
+    pair = replace(pressed(unit_blocks(upper, lower), replace(TOUCHING, friction=friction)), order=2)
     alone = replace(one_body(upper, hv.Contact(hv.Signorini(), friction)), order=2)
     assert cycles(pair) <= 2.0 * cycles(alone)

@@ -33,7 +33,7 @@ def free_bar(load: tuple[float, float], law: Superpotential) -> DiscreteProblem:
     )
 
 
-def block(law: Superpotential) -> DiscreteProblem:
+def pressed_between_walls(law: Superpotential) -> DiscreteProblem:
     """A block between frictionless walls, pressed on its foundation by a pressure 0.5."""
     return discretize(bodies.column(law, cells=4, pattern="cross", top=None, tractions={"top": Pressure(0.5)}))
 
@@ -51,7 +51,7 @@ FOUNDATIONS = (
 )
 def test_block_on_its_foundation(method: str, law: Superpotential, penetration: float) -> None:
     try:
-        found = solve(block(law), METHODS[method], Controls(max_steps=4000))
+        found = solve(pressed_between_walls(law), METHODS[method], Controls(max_steps=4000))
     except MethodError:
         assert isinstance(law, Signorini)
         return
@@ -121,7 +121,7 @@ def test_what_was_shown_to_be_held_is_not_decided_again(monkeypatch: pytest.Monk
     module = import_module("hemivar.solvers.solve")
     real = module.decide
     monkeypatch.setattr(module, "decide", lambda growth: decisions.append(growth) or real(growth))
-    problem = block(Compliance(2.0))
+    problem = pressed_between_walls(Compliance(2.0))
     assert problem.held
     assert pickle.loads(pickle.dumps(problem)).held
     for same in (problem, problem.with_(offset=problem.offset + 0.1)):
@@ -133,7 +133,7 @@ def test_what_was_shown_to_be_held_is_not_decided_again(monkeypatch: pytest.Monk
 @pytest.mark.parametrize("what", ["load", "law", "bulk", "contact", "not looked at"])
 def test_another_load_law_or_body_is_decided_anew(what: str) -> None:
     """However the problem was changed: a mark that outlived what it was put on would let a body fall for ever."""
-    problem = block(Compliance(2.0))
+    problem = pressed_between_walls(Compliance(2.0))
     lifted = -problem.load
     contact = problem.contact
     changed = {

@@ -32,7 +32,7 @@ def hencky(left: float = LEFT, scale: float = 1.0, plane: str = "strain") -> Mat
     return Material.hencky(scale * BULK, scale * SHEAR, left, SIZE, plane)
 
 
-def block(law: Superpotential, cells: int = 4, order: int = 1, dim: int = 2) -> hv.ContactProblem:
+def lowered_block(law: Superpotential, cells: int = 4, order: int = 1, dim: int = 2) -> hv.ContactProblem:
     """A block of height 1 between smooth walls, pushed down by 0.1."""
     mesh = hv.rectangle((1.0, 1.0), cells) if dim == 2 else hv.box((1.0, 1.0, 1.0), cells)
     sides = ("left", "right") if dim == 2 else ("left", "right", "front", "back")
@@ -47,7 +47,7 @@ def block(law: Superpotential, cells: int = 4, order: int = 1, dim: int = 2) -> 
 @pytest.mark.parametrize(("dim", "cells", "order"), [(2, 4, 1), (2, 16, 1), (2, 4, 2), (3, 4, 1)])
 @pytest.mark.parametrize(("law", "penetration"), BLOCK)
 def test_the_block(law: Superpotential, penetration: float, dim: int, cells: int, order: int, method: Solver) -> None:
-    solution = hv.solve(block(law, cells, order, dim), method, hv.Controls(rtol=1e-11)).raise_for_status()
+    solution = hv.solve(lowered_block(law, cells, order, dim), method, hv.Controls(rtol=1e-11)).raise_for_status()
     np.testing.assert_allclose(solution.local[:, 0], penetration, rtol=1e-9)
 
 
@@ -57,7 +57,9 @@ def test_the_block(law: Superpotential, penetration: float, dim: int, cells: int
 @pytest.mark.parametrize("cells", [2, 8])
 def test_a_block_that_stiffens(cells: int, method: Solver) -> None:
     """Elastic with projection: the energy has no second derivative where the strain meets the set."""
-    stated = dataclasses.replace(block(hv.Compliance(20.0), cells), material=Material.locking(BULK, SHEAR, 6.0, 0.03))
+    stated = dataclasses.replace(
+        lowered_block(hv.Compliance(20.0), cells), material=Material.locking(BULK, SHEAR, 6.0, 0.03)
+    )
     solution = hv.solve(stated, method, rtol=1e-11).raise_for_status()
     np.testing.assert_allclose(solution.local[:, 0], 0.0403619615398, rtol=1e-9)
 
@@ -65,7 +67,7 @@ def test_a_block_that_stiffens(cells: int, method: Solver) -> None:
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_serves_inside(name: str) -> None:
     law, penetration = BLOCK[1]
-    solution = hv.solve(block(law, 2), METHODS[name], hv.Controls(rtol=1e-7)).raise_for_status()
+    solution = hv.solve(lowered_block(law, 2), METHODS[name], hv.Controls(rtol=1e-7)).raise_for_status()
     assert solution.method == f"proximal-newton({name})"
     np.testing.assert_allclose(solution.local[:, 0], penetration, rtol=1e-7)
 
@@ -74,7 +76,8 @@ def test_multigrid_starts_from_the_answer_on_the_next_coarser_mesh() -> None:
     """Which is that of the block on every mesh: what is left to do is to confirm it."""
     law, _ = BLOCK[0]
     direct, nested = (
-        hv.solve(block(law, 16), method) for method in (hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid())
+        hv.solve(lowered_block(law, 16), method)
+        for method in (hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid())
     )
     assert direct.history[0].residual > 0.1
     assert nested.history[0].residual < 1e-3
@@ -84,7 +87,7 @@ def test_multigrid_starts_from_the_answer_on_the_next_coarser_mesh() -> None:
 # ---- where a body begins whose supports move -----------------------------------------------------------------------
 
 
-def softening(e: float) -> float:
+def softening_stress(e: float) -> float:
     return 60.0 * e + 16.0 / 3.0 * e - 160.0 / 9.0 * e**3
 
 
@@ -98,7 +101,7 @@ def limited(e: float) -> float:
 
 #: Formulas of stored energies, how far they reach, and the pressure of one that is compressed along one axis.
 FORMULAS = [
-    ("30*tr^2 + 4*dev2 - 10*dev2^2", 0.2, softening),
+    ("30*tr^2 + 4*dev2 - 10*dev2^2", 0.2, softening_stress),
     ("3*tr^2 + 4*dev2 + 50000*dev2^2", 0.5, stiffening),
     ("3*tr^2 - 0.5*log(1 - dev2/0.04)", 0.19, limited),
 ]
@@ -111,7 +114,7 @@ def test_supports_that_move_find_the_same_answer_on_every_mesh(
 ) -> None:
     """To the tolerance; alone they would strain the cells beside them by ``0.1 / h``."""
     exact = scipy.optimize.brentq(lambda s: pressure(0.1 - s) - 20.0 * s, 0.0, 0.1, xtol=1e-16)
-    stated = block(hv.Compliance(20.0), cells, order)
+    stated = lowered_block(hv.Compliance(20.0), cells, order)
     solution = hv.solve(
         dataclasses.replace(stated, material=Material.potential(formula, reach=reach))
     ).raise_for_status()
@@ -161,7 +164,7 @@ def test_a_material_that_has_softened_at_rest_is_measured_by_the_one_above() -> 
 
 
 def test_a_start_at_which_the_material_has_softened_is_left() -> None:
-    stated = dataclasses.replace(block(hv.Compliance(20.0), 8), material=Material.potential(BAND, reach=0.2))
+    stated = dataclasses.replace(lowered_block(hv.Compliance(20.0), 8), material=Material.potential(BAND, reach=0.2))
     problem = discretize(stated)
     assert isinstance(problem.bulk, Potential)
     far = 0.03 * np.random.default_rng(8).normal(size=problem.unknowns)
@@ -183,7 +186,7 @@ def quarter_ring(cells: int) -> Mesh:
     return Mesh(points, flat.cells, boundaries=dict(flat.boundaries))
 
 
-def ring(material: Material, law: Superpotential, pushed: float, cells: int) -> hv.ContactProblem:
+def shrunk_ring(material: Material, law: Superpotential, pushed: float, cells: int) -> hv.ContactProblem:
     def inwards(points: Array) -> Array:
         return np.asarray(-pushed * points / np.linalg.norm(points, axis=1)[:, None])
 
@@ -224,7 +227,7 @@ def test_the_ring_converges_at_the_rate_of_linear_elements() -> None:
     """The mean penetration is off by a multiple of h^2."""
     off = []
     for cells in (4, 8, 16):
-        solution = hv.solve(ring(hencky(), hv.Compliance(2.0), 0.1, cells)).raise_for_status()
+        solution = hv.solve(shrunk_ring(hencky(), hv.Compliance(2.0), 0.1, cells)).raise_for_status()
         mean = solution.local[:, 0] @ solution.contact.weights / solution.contact.weights.sum()
         off.append(abs(mean - 0.0949739517132))
     rates = np.log2(np.array(off[:-1]) / off[1:])
@@ -234,18 +237,18 @@ def test_the_ring_converges_at_the_rate_of_linear_elements() -> None:
 
 def test_the_linear_ring() -> None:
     """With q = 1 the table's number is 4/45."""
-    solution = hv.solve(ring(hencky(1.0), hv.Compliance(2.0), 0.1, 16)).raise_for_status()
+    solution = hv.solve(shrunk_ring(hencky(1.0), hv.Compliance(2.0), 0.1, 16)).raise_for_status()
     assert solution.local[:, 0].mean() == pytest.approx(4.0 / 45.0, rel=3e-3)
 
 
 def test_three_solutions_of_a_ring_that_softens() -> None:
     """Started near each of the two that are minima, the method stays there."""
     law = hv.Softening(40.0, 0.02, 25.0)
-    problem = discretize(ring(hencky(), law, 0.055, 16))
+    problem = discretize(shrunk_ring(hencky(), law, 0.055, 16))
     method = hv.solvers.NonsmoothNewton(search=Search.DOWNHILL)
     low = hv.solve(problem, method).raise_for_status()
     assert low.local[:, 0].mean() == pytest.approx(0.0153219650073, rel=2e-2)
-    pressed = discretize(ring(hencky(), hv.laws.NoContact(), 0.055, 16))
+    pressed = discretize(shrunk_ring(hencky(), hv.laws.NoContact(), 0.055, 16))
     start = problem.field.restrict(hv.solve(pressed).displacement)
     far = hv.solve(problem, method, initial=start).raise_for_status()
     assert far.local[:, 0].mean() == pytest.approx(0.0579090994297, rel=2e-2)
@@ -360,7 +363,7 @@ def test_reactions_balance_the_foundation() -> None:
 def test_a_state_without_contact_points() -> None:
     """A nonlinear body alone, in the plane and in space: displacement u_y = -0.1 y of the block."""
     for dim in (2, 3):
-        stated = block(hv.laws.NoContact(), 4, 1, dim)
+        stated = lowered_block(hv.laws.NoContact(), 4, 1, dim)
         stated = dataclasses.replace(stated, contact={}, supports={**stated.supports, "bottom": hv.Roller()})
         solution = hv.solve(stated).raise_for_status()
         np.testing.assert_allclose(solution.displacement[:, -1], -0.1 * stated.mesh.points[:, -1], atol=1e-12)

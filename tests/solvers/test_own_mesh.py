@@ -22,7 +22,7 @@ from tests.own_mesh import bracket_on_a_plate
 LINEAR = 25
 
 
-def solved(size: float, friction: Friction, **options: object) -> hv.Solution:
+def solved_bracket(size: float, friction: Friction, **options: object) -> hv.Solution:
     problem = hv.discretize(bracket_on_a_plate(size, friction))
     return hv.solve(problem, "multigrid", rtol=1e-10, **options).raise_for_status()  # type: ignore[arg-type]
 
@@ -36,7 +36,7 @@ sizes = pytest.mark.parametrize("size", [3.5, pytest.param(1.8, marks=pytest.mar
 
 @sizes
 def test_contact_costs_two_linear_solves(size: float) -> None:
-    found = solved(size, NoFriction())
+    found = solved_bracket(size, NoFriction())
     assert found.steps <= 8
     assert found.evaluations <= 2 * LINEAR
     if size > 3.0:
@@ -45,7 +45,7 @@ def test_contact_costs_two_linear_solves(size: float) -> None:
 
 @sizes
 def test_contact_with_coulomb_friction_costs_three(size: float) -> None:
-    found = solved(size, Coulomb(0.2))
+    found = solved_bracket(size, Coulomb(0.2))
     assert found.method == "semismooth-multigrid"
     assert found.fallbacks == 0
     assert found.steps <= 14  # rounds of less accuracy: what they cost is told by the cycles
@@ -56,7 +56,7 @@ def test_contact_with_coulomb_friction_costs_three(size: float) -> None:
 
 def test_once_contact_points_keep_their_pieces_few_equations_are_left() -> None:
     """The derivative of a slip in space has entries beside its diagonal that are rounding: they change no piece."""
-    found = hv.solve(pressed(Coulomb(0.3)), "multigrid", rtol=1e-8).raise_for_status()
+    found = hv.solve(pressed_bracket(Coulomb(0.3)), "multigrid", rtol=1e-8).raise_for_status()
     before, last = (one.residual for one in found.history[-3:-1])
     assert last <= 0.01 * before
 
@@ -99,7 +99,7 @@ def test_jumps_at_nodes_that_a_support_holds_ask_no_fewer_nodes() -> None:
     assert found.energy == pytest.approx(reference.energy, rel=1e-7)
 
 
-def pressed(friction: Friction) -> hv.DiscreteProblem:
+def pressed_bracket(friction: Friction) -> hv.DiscreteProblem:
     """The bracket held at its top, its hole pressed down and aside: most of its foot touches or slides."""
     stated = bracket_on_a_plate(3.5, friction)
     held, push = {"pull": hv.Clamped()}, {"hole": (0.3, 0.2, -1.0)}
@@ -111,7 +111,7 @@ def test_a_foot_that_is_pressed_starts_from_its_solution_on_some_of_the_nodes(
     friction: Friction, steps: int, cycles: int
 ) -> None:
     """Without that start its front moves by thirty steps."""
-    problem = pressed(friction)
+    problem = pressed_bracket(friction)
     found, reference = (hv.solve(problem, one, rtol=1e-10).raise_for_status() for one in ("multigrid", "newton"))
     assert (found.fallbacks, found.steps <= steps, found.evaluations <= cycles) == (0, True, True)
     size = np.abs(reference.unknowns).max()
@@ -122,7 +122,7 @@ def test_a_foot_that_is_pressed_starts_from_its_solution_on_some_of_the_nodes(
 def test_a_law_whose_force_falls_starts_from_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     """What fewer nodes find may choose the branch."""
     monkeypatch.setattr(BodyProblem, "_thin", lambda self: pytest.fail("it asks fewer nodes"))
-    problem = pressed(hv.laws.SlipWeakening(0.05, 1.0, 0.5, 20.0))
+    problem = pressed_bracket(hv.laws.SlipWeakening(0.05, 1.0, 0.5, 20.0))
     assert hv.solve(problem, "multigrid", rtol=1e-8).raise_for_status().history[0].step == 0
 
 
@@ -130,7 +130,7 @@ def test_nodes_on_which_contact_does_not_hold_the_body_are_passed_over(monkeypat
     def singular(self: BodyProblem) -> None:
         raise ProblemError("the stiffness matrix is singular")
 
-    problem = pressed(Tresca(0.05))
+    problem = pressed_bracket(Tresca(0.05))
     good = hv.solve(problem, "multigrid", rtol=1e-8).raise_for_status()
     monkeypatch.setattr(BodyProblem, "condensed", singular)
     found = hv.solve(problem, "multigrid", rtol=1e-8).raise_for_status()

@@ -26,7 +26,9 @@ from .test_semismooth import bounce
 WHOLE = SemismoothNewton(FixedPoint(NonsmoothMultigrid()))
 
 
-def block(dim: int, n: int, normal: Superpotential, friction: Friction, scale: float = 1.0) -> DiscreteProblem:
+def pressed_and_drawn(
+    dim: int, n: int, normal: Superpotential, friction: Friction, scale: float = 1.0
+) -> DiscreteProblem:
     """A block that is pressed on its foundation and drawn along it; lengths and stresses in units of ``scale``."""
     return hv.discretize(
         hv.ContactProblem(
@@ -62,7 +64,7 @@ def energy_distance(found: Solution, other: Solution) -> float:
 def test_all_methods_agree_and_cycles_are_few(dim: int, n: int, normal: Superpotential, weakens: bool) -> None:
     """Coulomb's law costs about twice the cycles of Tresca's, where the fixed point takes one such solve a round."""
     bound = CoulombBound(0.3)
-    problem = block(dim, n, normal, SlipWeakening(bound, 1.0, 0.8, 5.0) if weakens else Tresca(bound))
+    problem = pressed_and_drawn(dim, n, normal, SlipWeakening(bound, 1.0, 0.8, 5.0) if weakens else Tresca(bound))
     tight = Controls(rtol=1e-11)
     found = solve(problem, WHOLE, tight)
     assert found.status is Status.CONVERGED
@@ -82,20 +84,22 @@ def test_all_methods_agree_and_cycles_are_few(dim: int, n: int, normal: Superpot
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cycles_do_not_grow_with_the_mesh(dim: int) -> None:
     cycles = [
-        solve(block(dim, n, Signorini(), Tresca(CoulombBound(0.3))), WHOLE).evaluations
+        solve(pressed_and_drawn(dim, n, Signorini(), Tresca(CoulombBound(0.3))), WHOLE).evaluations
         for n in ((8, 16, 32) if dim == 2 else (6, 12))
     ]
     assert max(cycles) <= 1.5 * min(cycles) + 3
 
 
 def test_units_change_nothing() -> None:
-    one, mega = (solve(block(2, 8, Signorini(), Tresca(CoulombBound(0.3)), scale), WHOLE) for scale in (1.0, 1e6))
+    one, mega = (
+        solve(pressed_and_drawn(2, 8, Signorini(), Tresca(CoulombBound(0.3)), scale), WHOLE) for scale in (1.0, 1e6)
+    )
     np.testing.assert_allclose(one.local, mega.local, rtol=1e-9, atol=1e-12)
     assert one.evaluations == mega.evaluations
 
 
 def test_a_bound_that_follows_the_penetration() -> None:
-    problem = block(2, 8, Compliance(20.0), Tresca(PenetrationBound("8*max(s, 0) + s^2")))
+    problem = pressed_and_drawn(2, 8, Compliance(20.0), Tresca(PenetrationBound("8*max(s, 0) + s^2")))
     found = solve(problem, WHOLE)
     assert found.status is Status.CONVERGED
     assert found.fallbacks == 0
@@ -127,7 +131,7 @@ def test_the_equation_of_all_unknowns_is_that_of_the_condensed_body(
 ) -> None:
     """Where the inside is in equilibrium, both change the contact points by the same, and leave the inside there."""
     bound = CoulombBound(0.3)
-    problem = block(dim, 4, normal, SlipWeakening(bound, 1.0, 0.8, 5.0) if weakens else Tresca(bound))
+    problem = pressed_and_drawn(dim, 4, normal, SlipWeakening(bound, 1.0, 0.8, 5.0) if weakens else Tresca(bound))
     system, body = condense(problem), set_up(problem, Workspace())
     chart, stiffness = problem.law.chart(1.0 / system.compliance, dim), spread(1.0 / system.compliance, dim)
     assert chart is not None
@@ -154,7 +158,7 @@ def test_without_a_derivative_the_fixed_point_takes_over() -> None:
     def ramp(s: Array) -> Array:
         return np.asarray(0.5 * np.maximum(s, 0.0))
 
-    problem = block(2, 8, Compliance(20.0), Tresca(PenetrationBound(ramp)))
+    problem = pressed_and_drawn(2, 8, Compliance(20.0), Tresca(PenetrationBound(ramp)))
     found = solve(problem, WHOLE)
     assert found.status is Status.CONVERGED
     assert found.fallbacks == 1
@@ -162,7 +166,7 @@ def test_without_a_derivative_the_fixed_point_takes_over() -> None:
 
 
 def test_a_solve_that_is_stopped_gives_its_levels_back() -> None:
-    problem, kept = block(2, 16, Signorini(), Tresca(CoulombBound(0.3))), Workspace()
+    problem, kept = pressed_and_drawn(2, 16, Signorini(), Tresca(CoulombBound(0.3))), Workspace()
     stopped = solve(problem, WHOLE, Controls(max_time=0.0), workspace=kept)
     assert stopped.status is Status.MAX_TIME
     again, new = solve(problem, WHOLE, workspace=kept), solve(problem, WHOLE)

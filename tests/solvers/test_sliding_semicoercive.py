@@ -78,7 +78,7 @@ def _programme(forces: tuple[Array, Array], load: Array, ways: Array, free: bool
     return abs(float(found.fun)) if found.status == 0 else -1.0
 
 
-def _mesh(rng: np.random.Generator, space: bool) -> hv.Mesh:
+def _mesh_on_feet(rng: np.random.Generator, space: bool) -> hv.Mesh:
     sizes = rng.uniform(0.5, 4.0, 3 if space else 2)
     cells = rng.integers(3, 5, 3) if space else rng.integers(3, 9, 2)
     build = hv.box if space else hv.rectangle
@@ -111,10 +111,10 @@ def _contact(rng: np.random.Generator, size: float) -> tuple[hv.Contact, float, 
     return hv.Contact(law, friction, gap=chosen), bound, bool(glued)
 
 
-def body(rng: np.random.Generator) -> Posed:
+def random_body_on_feet(rng: np.random.Generator) -> Posed:
     """A random body, plane or in space, with one to three contact boundaries, held by supports in some directions."""
     space = bool(rng.random() < 0.3)
-    mesh = _mesh(rng, space)
+    mesh = _mesh_on_feet(rng, space)
     size = float(np.ptp(mesh.points[:, 0]))
     feet = [("left foot", "right foot"), ("left foot",), ("right foot",), ("left foot", "right foot", "wall")][
         rng.integers(4)
@@ -141,7 +141,7 @@ def body(rng: np.random.Generator) -> Posed:
 
 def _looked_at(number: int) -> str:
     """What became of a body, and whether that is right; methods take turns."""
-    posed = body(np.random.default_rng([39, number]))
+    posed = random_body_on_feet(np.random.default_rng([39, number]))
     margin = posed.margin()
     refusal, found = "", None
     try:

@@ -60,7 +60,7 @@ def tip(draw: Draw) -> hv.ContactProblem:
     return hv.ContactProblem(mesh, draw.material, {"stop": contact}, {"root": hv.Clamped()}, tractions=tractions)
 
 
-def block(draw: Draw) -> hv.ContactProblem:
+def plain_block(draw: Draw) -> hv.ContactProblem:
     """A block on a plane, held sideways."""
     n, load = draw.cells, draw.load
     return hv.ContactProblem(
@@ -90,7 +90,7 @@ def punch(draw: Draw) -> hv.ContactProblem:
     return hv.ContactProblem(mesh, draw.material, {"bottom": contact}, {"top": moved})
 
 
-def two(draw: Draw) -> hv.ContactProblem:
+def beam_on_two_supports(draw: Draw) -> hv.ContactProblem:
     """A beam on two round supports."""
     n = draw.cells
     mesh = hv.rectangle((30.0, 2.0), (15 * n // 2, n // 2 + 1)).with_boundaries({
@@ -106,7 +106,7 @@ def two(draw: Draw) -> hv.ContactProblem:
     )  # fmt: skip
 
 
-def cube(draw: Draw) -> hv.ContactProblem:
+def walled_cube(draw: Draw) -> hv.ContactProblem:
     """A block in space between walls."""
     mesh, load = hv.box((1.0, 1.0, 1.0), draw.cells // 2), (0.0, 0.0, -draw.load)
     supports = {"left": hv.Roller(), "front": hv.Roller()}
@@ -134,7 +134,7 @@ def peel(draw: Draw) -> hv.ContactProblem:
     return hv.ContactProblem(mesh, draw.material, {"glue": hv.Contact(glue, hv.Tresca(strong))}, {"end": lifted})
 
 
-def plate(draw: Draw) -> hv.ContactProblem:
+def thin_plate(draw: Draw) -> hv.ContactProblem:
     """A thin plate on springs."""
     mesh = hv.rectangle((50.0, 1.0), (50 * draw.cells // 4, 2))
     springs = hv.Compliance(draw.stiffness * float(10.0 ** draw.rng.uniform(-4.0, 0.0)))
@@ -146,7 +146,17 @@ def plate(draw: Draw) -> hv.ContactProblem:
     )  # fmt: skip
 
 
-KINDS: tuple[Callable[[Draw], hv.ContactProblem], ...] = (tip, block, hertz, punch, two, cube, ball, peel, plate)
+KINDS: tuple[Callable[[Draw], hv.ContactProblem], ...] = (
+    tip,
+    plain_block,
+    hertz,
+    punch,
+    beam_on_two_supports,
+    walled_cube,
+    ball,
+    peel,
+    thin_plate,
+)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ SOFTENS = hv.Softening(1e4, 1e-3, 1e3)
 NOTE = "no load presses the body"
 
 
-def block(
+def upheld_block(
     law: Superpotential,
     load: tuple[float, ...] = (0.0, 0.0),
     gap: object = 0.0,
@@ -38,7 +38,7 @@ def block(
 def test_a_body_without_load_rests(
     law: Superpotential, method: hv.solvers.Solver | None, gap: object, unit: float
 ) -> None:
-    found = hv.solve(block(law, gap=gap, unit=unit), method)
+    found = hv.solve(upheld_block(law, gap=gap, unit=unit), method)
     assert found.status is hv.Status.CONVERGED
     assert not found.unknowns.any()
     assert not found.multiplier.any()
@@ -60,19 +60,19 @@ def test_in_space_and_on_an_obstacle_that_touches_up_to_rounding() -> None:
 def test_what_nothing_holds_either_way_is_refused_as_before() -> None:
     for supports in ({}, {"left": hv.Fixed(y=0.0)}):
         with pytest.raises(SupportError, match=r"translation \(1, 0\)"):
-            hv.discretize(block(hv.Signorini(), supports=supports))
+            hv.discretize(upheld_block(hv.Signorini(), supports=supports))
 
 
 def test_a_body_that_its_obstacle_presses_is_no_body_at_rest() -> None:
     with pytest.raises(SupportError, match="in balance"):
-        hv.discretize(block(hv.Compliance(1e4), gap=-0.01))
+        hv.discretize(upheld_block(hv.Compliance(1e4), gap=-0.01))
     with pytest.raises(SupportError, match="energy falls"):
-        hv.discretize(block(hv.Signorini(), load=(0.0, 1e-9)))
+        hv.discretize(upheld_block(hv.Signorini(), load=(0.0, 1e-9)))
 
 
 def test_the_note_belongs_to_the_load() -> None:
-    problem = hv.discretize(block(hv.Signorini()))
-    loaded = hv.discretize(block(hv.Signorini(), load=(0.0, -1.0)))
+    problem = hv.discretize(upheld_block(hv.Signorini()))
+    loaded = hv.discretize(upheld_block(hv.Signorini(), load=(0.0, -1.0)))
     assert not problem.held
     assert loaded.held
     assert loaded.idle is None
@@ -83,7 +83,7 @@ def test_the_note_belongs_to_the_load() -> None:
 def test_glue_and_softening_keep_their_limit_under_another_load() -> None:
     """What rests under no load may be held up to a limit under another, as if that load had been stated."""
     for law in (ThresholdCompliance(1e-3, 0.5), hv.Softening(1e4, 1e-3, 1e3), hv.Adhesive(1e4, 1.0)):
-        rest, loaded = (hv.discretize(block(law, load=(0.0, -size))) for size in (0.0, 1e-3))
+        rest, loaded = (hv.discretize(upheld_block(law, load=(0.0, -size))) for size in (0.0, 1e-3))
         assert rest.with_(load=loaded.load).limit == loaded.limit
 
 

@@ -10,13 +10,13 @@ from hemivar.basics.types import Array
 from hemivar.certificates import EnergyNorm, certify
 from hemivar.evolution import Evolution, march
 from hemivar.solvers import Controls
-from tests.solvers.test_multigrid_of_pairs import SOFT, blocks, pressed
+from tests.solvers.test_multigrid_of_pairs import SOFT, pressed, unit_blocks
 
 TIGHT = Controls(rtol=1e-11)
 HENCKY = {"viscosity": (0.4, 0.4), "density": 1.0}
 
 
-def sliding(material: hv.Material) -> hv.ContactProblem:
+def sliding_blocks(material: hv.Material) -> hv.ContactProblem:
     """The upper block is pressed on the lower one, then goes to and fro."""
 
     def way(x: Array, t: float) -> Array:
@@ -24,7 +24,7 @@ def sliding(material: hv.Material) -> hv.ContactProblem:
 
     contact = {"u:bottom": hv.Contact(hv.Compliance(200.0), hv.Tresca(0.05), against="l:top")}
     held = {"u:top": hv.Prescribed(way), "l:bottom": hv.Clamped()}
-    return hv.ContactProblem(blocks(16, 12), material, contact, held)
+    return hv.ContactProblem(unit_blocks(16, 12), material, contact, held)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def sliding(material: hv.Material) -> hv.ContactProblem:
 )
 def test_multigrid_goes_the_same_way_in_time(material: hv.Material, inertia: bool) -> None:
     found = [
-        march(Evolution(sliding(material), inertia=inertia), 1.0, step=0.25, method=method, controls=TIGHT)
+        march(Evolution(sliding_blocks(material), inertia=inertia), 1.0, step=0.25, method=method, controls=TIGHT)
         for method in ("newton", "multigrid")
     ]
     for name in ("elastic", "friction", "normal_force"):
@@ -56,7 +56,7 @@ def test_multigrid_goes_the_same_way_in_time(material: hv.Material, inertia: boo
     ids=["softening", "weakening", "cohesion"],
 )
 def test_the_certificate_by_multigrid_is_that_by_factors(contact: hv.Contact, push: float) -> None:
-    problem = hv.discretize(pressed(blocks(24, 16, shift=0.25), contact, push=(0.01, push)))
+    problem = hv.discretize(pressed(unit_blocks(24, 16, shift=0.25), contact, push=(0.01, push)))
     solution = hv.solve(problem, method="multigrid", controls=TIGHT)
     by_factor, by_multigrid = EnergyNorm(problem.stiffness), EnergyNorm.by_multigrid(problem)
     exact, quick = (
@@ -74,7 +74,7 @@ def test_the_certificate_by_multigrid_is_that_by_factors(contact: hv.Contact, pu
 def test_bodies_that_are_not_linear(cells: tuple[int, int]) -> None:
     material = hv.Material.hencky(20.0 / 3.0, 4.0, 0.25, 0.05)
     contact = hv.Contact(hv.Signorini(), hv.Coulomb(0.3), against="l:top")
-    problem = pressed(blocks(*cells), contact, material, (0.02, -0.05))
+    problem = pressed(unit_blocks(*cells), contact, material, (0.02, -0.05))
     found = [hv.solve(problem, method=method, controls=TIGHT) for method in ("newton", "multigrid")]
     assert all(one.status is hv.Status.CONVERGED for one in found)
     np.testing.assert_allclose(found[0].displacement, found[1].displacement, atol=1e-9)

@@ -27,7 +27,7 @@ GLUES = {
 PLANE, SPACE = hv.rectangle((1.0, 1.0), 4), hv.box((1.0, 1.0, 1.0), 2)
 
 
-def block(glue: str, pull: tuple[float, ...], mesh: Mesh = PLANE) -> hv.ContactProblem:
+def glued_only(glue: str, pull: tuple[float, ...], mesh: Mesh = PLANE) -> hv.ContactProblem:
     """A block that nothing but glue holds, with a force on its whole volume."""
     return hv.ContactProblem(
         mesh=mesh, material=hv.Material.lame(4e3, 4e3), contact={"bottom": GLUES[glue]}, body_force=pull
@@ -40,7 +40,7 @@ def block(glue: str, pull: tuple[float, ...], mesh: Mesh = PLANE) -> hv.ContactP
 def test_what_glue_carries_is_bracketed(glue: str, times: float, mesh: Mesh) -> None:
     """A stiff block that is pulled off evenly: strength times area."""
     pull = (*(0.0,) * (mesh.dim - 1), times * STRENGTH)
-    found = solve(block(glue, pull, mesh))
+    found = solve(glued_only(glue, pull, mesh))
     assert found.status is Status.NOT_CARRIED
     assert found.carried is not None
     low, high = found.carried
@@ -57,24 +57,24 @@ def test_what_glue_carries_is_bracketed(glue: str, times: float, mesh: Mesh) -> 
 @pytest.mark.parametrize("glue", GLUES)
 def test_an_iterate_that_runs_away_is_recognised(glue: str) -> None:
     """From a start of one's own no load grows: the solve ends by what it sees."""
-    problem = hv.discretize(block(glue, (0.3, 2.3 * STRENGTH)))
+    problem = hv.discretize(glued_only(glue, (0.3, 2.3 * STRENGTH)))
     found = solve(problem, initial=np.zeros(problem.unknowns))
     assert found.status is Status.NOT_CARRIED
     assert found.steps < 100
 
 
 def test_a_solve_that_carries_its_load_says_nothing_of_it() -> None:
-    found = solve(block("mixed-mode", (0.0, 0.5 * STRENGTH)))
+    found = solve(glued_only("mixed-mode", (0.0, 0.5 * STRENGTH)))
     assert found.carried is None
     assert found.remarks == ()
 
 
 def test_units_do_not_change_what_is_carried() -> None:
-    found = solve(block("mixed-mode", (0.7, 2.3 * STRENGTH)))
+    found = solve(glued_only("mixed-mode", (0.7, 2.3 * STRENGTH)))
     glue = hv.Contact(MixedMode(BilinearCohesion(STRENGTH * 1e-6, 0.5e-3, 24e-9), 1.0))
     mesh = hv.rectangle((1e3, 1e3), 4)
     theirs = replace(
-        block("mixed-mode", (0.7e-9, 2.3e-9 * STRENGTH), mesh),
+        glued_only("mixed-mode", (0.7e-9, 2.3e-9 * STRENGTH), mesh),
         material=hv.Material.lame(0.004, 0.004),
         contact={"bottom": glue},
     )
@@ -131,7 +131,7 @@ def test_load_steps_pass_where_points_let_go_one_after_the_other() -> None:
 
 
 def test_the_width_of_the_bracket_is_an_option() -> None:
-    problem = hv.discretize(block("mixed-mode", (0.0, 2.3 * STRENGTH)))
+    problem = hv.discretize(glued_only("mixed-mode", (0.0, 2.3 * STRENGTH)))
     method = LoadStepping(METHODS["newton"].local_descent(), width=0.2)
     found = solve(problem, method)
     assert found.carried is not None

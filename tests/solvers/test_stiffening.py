@@ -26,7 +26,7 @@ BUCKLES = EULER / (1.0 + EULER / (5.0 / 6.0 * 0.5 * YOUNG * THICK))
 JOINT = LapJoint()
 
 
-def column(
+def pushed_cantilever(
     pushed: float, aside: float = 1e-5, cells: tuple[int, int] = (20, 1), **changed: object
 ) -> hv.ContactProblem:
     """A cantilever without lateral contraction, pushed along its axis, with a small force across at its end."""
@@ -43,7 +43,7 @@ def test_a_column_bends_as_by_the_closed_form(part: float) -> None:
     The load that buckles it is that of Engesser, to 0.1 %: the nearer the load is, the more that matters.
     """
     pushed = part * BUCKLES
-    solution = hv.solve(column(pushed)).raise_for_status()
+    solution = hv.solve(pushed_cantilever(pushed)).raise_for_status()
     along = np.sqrt(abs(part * EULER) / BENDS)
     bent = (np.tan(along * LENGTH) if part > 0.0 else np.tanh(along * LENGTH)) / along
     assert solution.displacement[:, 1].max() == pytest.approx(
@@ -56,7 +56,7 @@ def test_a_column_bends_as_by_the_closed_form(part: float) -> None:
 def test_a_column_above_its_load_is_refused_with_the_factor_at_which_it_buckles(dim: int) -> None:
     """Euler's load with Engesser's shear, to 1 %, however far above it the load is."""
     for times in (1.1, 20.0):
-        problem = column(times * BUCKLES)
+        problem = pushed_cantilever(times * BUCKLES)
         if dim == 3:
             mesh = hv.box((LENGTH, 1.0, 1.0), (20, 1, 1))
             problem = replace(problem, mesh=mesh, tractions={"right": (-times * BUCKLES, 1e-5, 0.0)})
@@ -71,7 +71,7 @@ def test_a_straight_column_above_its_load_is_no_answer(method: str) -> None:
     """It is in balance, but not definite."""
     mesh = hv.rectangle((LENGTH, THICK), (20, 2), pattern="cross").marked({"side": f"y < 1e-9 and x > {LENGTH - 1.01}"})
     free = {"side": hv.Contact(hv.laws.NoContact())}
-    straight = replace(column(3.0 * EULER, 0.0), mesh=mesh, contact=free, order=1)
+    straight = replace(pushed_cantilever(3.0 * EULER, 0.0), mesh=mesh, contact=free, order=1)
     with pytest.raises(ProblemError, match="the body buckles under its load"):
         hv.solve(straight, method=method)
 
@@ -83,7 +83,9 @@ def test_what_a_method_has_set_up_tells_whether_a_stiffness_is_definite(
 ) -> None:
     """By the condensed body, and by multigrid of the body without its stress."""
     mesh = hv.rectangle((LENGTH, THICK), (20, 2)).marked({"side": f"y < 1e-9 and x > {LENGTH - 1.01}"})
-    plain = hv.discretize(replace(column(BUCKLES, 0.0), mesh=mesh, contact={"side": hv.Contact(hv.laws.NoContact())}))
+    plain = hv.discretize(
+        replace(pushed_cantilever(BUCKLES, 0.0), mesh=mesh, contact={"side": hv.Contact(hv.laws.NoContact())})
+    )
     solution, kept = hv.solve(replace(plain.origin, stiffening=False)), Workspace()
     stressed = stressed_problem(plain, part * solution.unknowns)
     if method == "newton":
@@ -98,7 +100,7 @@ def test_a_prop_that_presses_holds_a_column() -> None:
     Its stiffness alone is not definite, so that no word of one solution is said.
     """
     mesh = hv.rectangle((LENGTH, THICK), (20, 2)).marked({"side": f"y < 1e-9 and x > {LENGTH - 1.01}"})
-    with_stop = replace(column(2.0 * EULER, -1e-3), mesh=mesh, contact={"side": hv.Contact(hv.Signorini())})
+    with_stop = replace(pushed_cantilever(2.0 * EULER, -1e-3), mesh=mesh, contact={"side": hv.Contact(hv.Signorini())})
     solution = hv.solve(with_stop).raise_for_status()
     assert solution.normal_force > 0.0
     certificate = solution.certify()
@@ -107,12 +109,12 @@ def test_a_prop_that_presses_holds_a_column() -> None:
     assert "supports alone do not constrain" not in str(certificate)
     assert (certificate.smallness.survey_condition, certificate.smallness.survey_margin) == (None, None)
     with pytest.raises(ProblemError, match="buckles"):
-        hv.solve(column(2.0 * EULER, -1e-6))
+        hv.solve(pushed_cantilever(2.0 * EULER, -1e-6))
 
 
 def test_the_residual_is_that_with_the_stress_of_the_answer() -> None:
     """``f - (K + K_s(u)) u``, evaluated apart."""
-    problem = column(0.5 * BUCKLES, 0.01)
+    problem = pushed_cantilever(0.5 * BUCKLES, 0.01)
     solution = hv.solve(problem)
     plain = hv.discretize(problem)
     stressed = stressed_problem(plain, solution.unknowns)
@@ -159,7 +161,7 @@ def test_beams_tend_to_goland_and_reissner() -> None:
         assert long.by_beams(force, 0.5, size=0.5) == pytest.approx(long.goland_reissner(force), rel=0.05)
 
 
-def pressed() -> hv.ContactProblem:
+def pressed_bar() -> hv.ContactProblem:
     """A block that is held on its left and pressed on a foundation."""
     mesh = hv.rectangle((4.0, 1.0), (4, 1))
     return hv.ContactProblem(
@@ -170,7 +172,7 @@ def pressed() -> hv.ContactProblem:
 
 def test_claims_are_those_of_the_stress_that_is_held() -> None:
     """No word of the only solution of a problem that has no energy."""
-    certificate = hv.solve(pressed()).certify()
+    certificate = hv.solve(pressed_bar()).certify()
     assert certificate.unique == "the only one with this stress"
     assert certificate.kind is hv.certificates.PointKind.LOCAL_MINIMISER
     assert "with the stress of its load held as it is here" in str(certificate)
@@ -178,7 +180,7 @@ def test_claims_are_those_of_the_stress_that_is_held() -> None:
 
 def leaning(part: float, slope: float, **changed: object) -> hv.ContactProblem:
     """A column on a coarse mesh under a part of Euler's load that comes in at a slope."""
-    return column(part * EULER, slope * part * EULER, (8, 1), **changed)
+    return pushed_cantilever(part * EULER, slope * part * EULER, (8, 1), **changed)
 
 
 def test_another_load_has_its_own_stress() -> None:
@@ -201,7 +203,7 @@ def test_what_is_kept_of_a_solution_has_its_stress() -> None:
     assert residual(discrete, plain.unknowns, plain.multiplier).relative > 1e-3
 
 
-def glued() -> hv.ContactProblem:
+def glued_block() -> hv.ContactProblem:
     """A block on glue whose gap is closed by more than nothing."""
     glue = hv.laws.MixedMode(hv.laws.BilinearCohesion(stiffness=210.0, strength=3.0, energy=0.5))
     return hv.ContactProblem(
@@ -212,7 +214,7 @@ def glued() -> hv.ContactProblem:
 
 def test_glue_with_interference_does_not_buckle() -> None:
     """It moves by the interference, and carries its load."""
-    problem = glued()
+    problem = glued_block()
     solution = hv.solve(problem).raise_for_status()
     plain = hv.solve(replace(problem, stiffening=False))
     assert solution.displacement == pytest.approx(plain.displacement, abs=0.01 * np.abs(plain.displacement).max())

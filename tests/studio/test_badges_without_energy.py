@@ -12,7 +12,7 @@ from hemivar.laws import BenzeggaghKenane, ModeDependentGlue
 from hemivar.mechanics import Contact
 from hemivar.studio.badges import badge_of
 from tests import bodies
-from tests.certificates.test_wording_without_energy import FIXED, FRICTIONS, pressed
+from tests.certificates.test_wording_without_energy import FIXED, FRICTIONS, softening_square
 
 
 def said(solution: hv.Solution) -> str:
@@ -27,7 +27,7 @@ def said(solution: hv.Solution) -> str:
 
 @pytest.mark.parametrize("name", ["coulomb", "penetration"])
 def test_a_friction_bound_of_the_solution_leaves_no_energy_to_be_least(name: str) -> None:
-    solution = hv.solve(pressed(FRICTIONS[name]))
+    solution = hv.solve(softening_square(FRICTIONS[name]))
     certificate = solution.certify()
     assert certificate.unique is None
     assert certificate.kind is PointKind.BOUND_FIXED_MINIMISER
@@ -45,7 +45,7 @@ def test_a_friction_bound_of_the_solution_leaves_no_energy_to_be_least(name: str
 
 
 def test_a_bound_that_is_a_number_has_an_energy() -> None:
-    solution = hv.solve(pressed(FRICTIONS["tresca"]))
+    solution = hv.solve(softening_square(FRICTIONS["tresca"]))
     assert solution.certify().kind is PointKind.LOCAL_MINIMISER
     words = said(solution)
     assert FIXED not in words

@@ -16,7 +16,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "tutorial-studio.md").read_text(enc
 SURVEY, SOFTENING, DELAMINATION = (template(name) for name in ("survey", "softening", "delamination"))
 
 
-def solved(text: str, old: str = "", new: str = "") -> hv.Solution:
+def solved_text(text: str, old: str = "", new: str = "") -> hv.Solution:
     assert old in text
     return hv.solve(parse_problem(text.replace(old, new) if old else text))
 
@@ -26,20 +26,20 @@ def slipping(solution: hv.Solution) -> int:
 
 
 def test_the_body_sinks_about_twice_as_deep_without_the_threshold() -> None:
-    ratio = solved(SURVEY, "q_max = 0.3", "q_max = 0.0").penetration.max() / solved(SURVEY).penetration.max()
+    ratio = solved_text(SURVEY, "q_max = 0.3", "q_max = 0.0").penetration.max() / solved_text(SURVEY).penetration.max()
     assert 1.8 < ratio < 2.5
 
 
 def test_points_that_slip() -> None:
-    assert slipping(solved(SURVEY)) == 8
-    assert slipping(solved(SURVEY, "bound = 0.5", "bound = 0.1")) == 32
-    assert slipping(solved(SURVEY, "bound = 0.5", "bound = 0.55")) == 0
-    lifted = solved(SURVEY, "-0.8, -0.8", "-0.8, 0.0")
+    assert slipping(solved_text(SURVEY)) == 8
+    assert slipping(solved_text(SURVEY, "bound = 0.5", "bound = 0.1")) == 32
+    assert slipping(solved_text(SURVEY, "bound = 0.5", "bound = 0.55")) == 0
+    lifted = solved_text(SURVEY, "-0.8, -0.8", "-0.8, 0.0")
     open_points = lifted.pressure == 0.0
     assert open_points.any()
     assert np.abs(lifted.friction[open_points]).max() > 0.0  # Tresca
     words = re.findall(r'`(law = "(?:tresca|coulomb)".*?)`', PAGE)
-    coulomb = solved(SURVEY.replace(words[0], words[1]), "-0.8, -0.8", "-0.8, 0.0")
+    coulomb = solved_text(SURVEY.replace(words[0], words[1]), "-0.8, -0.8", "-0.8, 0.0")
     assert np.abs(coulomb.friction[coulomb.pressure == 0.0]).max() < 1e-12  # rounding, of a friction of about 0.5
 
 
@@ -51,8 +51,8 @@ def test_three_solutions_and_one() -> None:
         text = SOFTENING.replace("softening = 16.0", f"softening = {softening}")
         found = hv.find_solutions(parse_problem(text))
         assert (len(found), found.exhaustive) == (count, True)
-        assert solved(text).certify().unique is unique
-    assert any("no bound" in line for line in solved(SOFTENING).certify().lines())
+        assert solved_text(text).certify().unique is unique
+    assert any("no bound" in line for line in solved_text(SOFTENING).certify().lines())
 
 
 def test_folds_of_the_glue() -> None:

@@ -48,7 +48,7 @@ def leaves(value: object, path: tuple[str | int, ...] = ()) -> dict[tuple[str | 
     return {path: value} if isinstance(value, int | float) and not isinstance(value, bool) else {}
 
 
-def check(text: str, left_out: int = 0) -> None:
+def check_numbers(text: str, left_out: int = 0) -> None:
     """All numbers are found, and each can be replaced by itself."""
     data = tomllib.loads(text)
     known, found = leaves(data), numbers_of(text)
@@ -63,20 +63,22 @@ def check(text: str, left_out: int = 0) -> None:
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_numbers_of_every_example_are_found_and_can_be_replaced(path: Path) -> None:
-    check(path.read_text(encoding="utf-8"))
+    check_numbers(path.read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_numbers_of_templates(name: str) -> None:
-    check(template(name))
+    check_numbers(template(name))
 
 
 def test_strings_comments_dates_and_lists_of_tables() -> None:
-    check(HARD, left_out=4)
+    check_numbers(HARD, left_out=4)
 
 
 def test_a_text_of_any_characters_hides_no_number() -> None:
-    check('title = "\ue0000\ue000 \ue000\ue0001\ue000\ue000"\n"\ue0001" = 5  # \ue000\nx = [1e4, +2, 1_000]\r\n')
+    check_numbers(
+        'title = "\ue0000\ue000 \ue000\ue0001\ue000\ue000"\n"\ue0001" = 5  # \ue000\nx = [1e4, +2, 1_000]\r\n'
+    )
 
 
 VALUES = st.recursive(
@@ -96,7 +98,7 @@ VALUES = st.recursive(
 @settings(max_examples=150, deadline=None)
 @given(st.dictionaries(st.sampled_from(["mesh", "loads", "title", "contact", "x y"]), VALUES, max_size=4))
 def test_numbers_of_random_tables(data: dict[str, object]) -> None:
-    check(text_of(data))
+    check_numbers(text_of(data))
 
 
 def test_sliders_stay_in_the_ranges_of_their_laws_and_name_their_parameters() -> None:

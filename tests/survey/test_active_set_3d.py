@@ -59,7 +59,7 @@ CASES: dict[str, tuple[tuple[float, float, float], Superpotential, Friction]] = 
 }
 
 
-def block(case: str) -> DiscreteProblem:
+def cube_of_case(case: str) -> DiscreteProblem:
     force, normal, friction = CASES[case]
     return discretize(bodies.body(cube(3), Contact(normal, friction), body_force=force))
 
@@ -70,7 +70,7 @@ def block(case: str) -> DiscreteProblem:
     ids=lambda value: value if isinstance(value, str) else type(value).__name__,
 )
 def test_the_default_method_agrees(case: str, inner: InnerSolver) -> None:
-    problem = block(case)
+    problem = cube_of_case(case)
     expected = solve(problem)
     solver = PrimalDualActiveSet(inner)
     found = solve(problem, suited(solver, problem))
@@ -80,10 +80,10 @@ def test_the_default_method_agrees(case: str, inner: InnerSolver) -> None:
 
 def test_the_cases_hold_every_state() -> None:
     """A case that only slips would not test the sets."""
-    sliding = solve(block("sticks in part")).tangential_state
+    sliding = solve(cube_of_case("sticks in part")).tangential_state
     assert {TangentialState.STICK, TangentialState.SLIP} <= set(sliding.tolist())
-    assert (solve(block("sticks")).tangential_state == TangentialState.STICK).all()
-    assert (solve(block("lifting")).normal_state == NormalState.OPEN).any()
+    assert (solve(cube_of_case("sticks")).tangential_state == TangentialState.STICK).all()
+    assert (solve(cube_of_case("lifting")).normal_state == NormalState.OPEN).any()
 
 
 @pytest.mark.parametrize("data", [*SURVEY_DATA, *(key for key in OTHER_DATA if key != "power")])
@@ -115,12 +115,12 @@ def test_a_third_direction_that_nothing_happens_in_changes_no_step(data: str) ->
 def test_rules_of_the_sets_are_their_linearisation() -> None:
     """The rows vanish to second order at a point next to one that keeps the rules."""
     rng = np.random.default_rng(5)
-    problem = block("table with a knot at a slip")
+    problem = cube_of_case("table with a knot at a slip")
     system = condense(problem)
     normal, table = problem.law.normal, problem.law.tangential
     m, d = system.shape
     tau = system.compliance
-    for law in (problem.law.tangential, block("logarithmic").law.tangential):
+    for law in (problem.law.tangential, cube_of_case("logarithmic").law.tangential):
         size = rng.uniform(0.03, 0.09, m)
         direction = rng.normal(size=(m, d - 1))
         direction /= np.linalg.norm(direction, axis=1)[:, None]
@@ -152,7 +152,7 @@ def test_rules_of_the_sets_are_their_linearisation() -> None:
 
 
 def test_sets_that_come_back_without_progress_are_a_cycle() -> None:
-    problem = block("slips")
+    problem = cube_of_case("slips")
     system = condense(problem)
     solver, budget = PrimalDualActiveSet(), Budget(np.inf)
     start = system.start()
@@ -170,7 +170,7 @@ def test_sets_that_come_back_without_progress_are_a_cycle() -> None:
 
 def test_units_do_not_matter() -> None:
     """Metres and pascals, or millimetres and megapascals."""
-    problem = block("sticks in part")
+    problem = cube_of_case("sticks in part")
     scaled = DiscreteProblem.of_arrays(
         1e6 * problem.stiffness,
         1e9 * problem.load,

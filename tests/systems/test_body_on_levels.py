@@ -13,7 +13,7 @@ from hemivar import gallery
 from hemivar.systems.body_on_levels import MatrixAtContact, set_up
 
 
-def turned() -> hv.DiscreteProblem:
+def mirrored_body() -> hv.DiscreteProblem:
     """A body without a mesh, whose unknowns count some components of the contact points against their direction."""
     rng, m, d, n = np.random.default_rng(1), 7, 3, 30
     trace = np.zeros((m * d, n))
@@ -29,7 +29,7 @@ def turned() -> hv.DiscreteProblem:
     [
         lambda: hv.discretize(gallery.survey("5.1", 8, "right")),
         lambda: hv.discretize(gallery.survey_cube("5.1", 4)),
-        turned,
+        mirrored_body,
     ],
 )
 def test_blocks_of_points_are_added_where_the_trace_has_them(make: Callable[[], hv.DiscreteProblem]) -> None:

@@ -38,7 +38,7 @@ def springs(stiffness: float) -> Friction:
     return found
 
 
-def strip(n: int, contact: Contact, length: float = 1.0, stress: float = 1.0) -> hv.ContactProblem:
+def bar_on_foundation(n: int, contact: Contact, length: float = 1.0, stress: float = 1.0) -> hv.ContactProblem:
     """A strip between rollers, pulled at its right end: a bar on its foundation. Units of so many mm and MPa."""
     return hv.ContactProblem(
         hv.rectangle((LENGTH / length, 0.1 * LENGTH / length), (n, max(1, n // 10))),
@@ -67,7 +67,7 @@ def slid(x: Array, tau: float) -> Array:
 def test_springs_over_an_area_are_shear_lag() -> None:
     found = []
     for n in (20, 40, 80):
-        problem = strip(n, over(springs(0.4)))
+        problem = bar_on_foundation(n, over(springs(0.4)))
         found.append(off(hv.solve(problem).raise_for_status(), lag(problem.mesh.points[:, 0], 0.4)))
     assert found[0] < 3e-3
     assert found[1] < found[0] / 2.5
@@ -77,7 +77,7 @@ def test_springs_over_an_area_are_shear_lag() -> None:
 def test_friction_over_an_area_slides_over_pull_over_bound() -> None:
     tau, found = 0.04, []
     for n in (20, 40, 80):
-        problem = strip(n, over(hv.Tresca(tau)))
+        problem = bar_on_foundation(n, over(hv.Tresca(tau)))
         solution = hv.solve(problem).raise_for_status()
         x = problem.mesh.points[solution.contact.node, 0]
         slips = solution.tangential_state == TangentialState.SLIP
@@ -96,8 +96,8 @@ def test_units_do_not_matter() -> None:
     What acts over an area of a plane body is a force per area and per thickness, as a body force is.
     """
     law = hv.laws.SlipWeakening(0.06, rate=0.5)
-    mm = hv.solve(strip(20, over(law))).raise_for_status()
-    m = hv.solve(strip(20, over(hv.laws.SlipWeakening(0.06e9, rate=0.5e3)), 1e3, 1e-6)).raise_for_status()
+    mm = hv.solve(bar_on_foundation(20, over(law))).raise_for_status()
+    m = hv.solve(bar_on_foundation(20, over(hv.laws.SlipWeakening(0.06e9, rate=0.5e3)), 1e3, 1e-6)).raise_for_status()
     np.testing.assert_allclose(
         m.displacement * 1e3, mm.displacement, rtol=0.0, atol=1e-9 * np.abs(mm.displacement).max()
     )
@@ -211,7 +211,7 @@ def test_glue_over_an_area_shears() -> None:
     falling = f"piecewise(({stiffness}*r, r < 0.1), ({strength}*({last} - r)/0.9, r < {last}), (0, r >= {last}))"
     table = friction_law("formula", derivative=falling, reach=10.0)
     assert isinstance(table, Friction)
-    problems = (strip(20, Contact(glue, memory=())), strip(20, over(table)))
+    problems = (bar_on_foundation(20, Contact(glue, memory=())), bar_on_foundation(20, over(table)))
     ours, theirs = (hv.solve(one).raise_for_status() for one in problems)
     assert 0.1 < np.abs(ours.displacement).max() < last
     np.testing.assert_allclose(ours.displacement, theirs.displacement, atol=1e-7 * np.abs(theirs.displacement).max())

@@ -52,7 +52,7 @@ def test_bar_on_a_convex_foundation(law: object, load: float, expected: float) -
     np.testing.assert_allclose(found.unknowns, load * (x - x**2 / 2) - reaction * x, atol=tolerance)
 
 
-def block(weight: float, q: float, p: float, quadrature: Quadrature) -> ContactProblem:
+def column_e2(weight: float, q: float, p: float, quadrature: Quadrature) -> ContactProblem:
     """E2: (0, 0.5) x (0, 1), frictionless rollers on both sides, top fixed, body force (0, -weight)."""
     return bodies.column(
         Contact(ThresholdCompliance(q, p), Tresca(0.2)),
@@ -72,7 +72,7 @@ def test_block_under_its_own_weight(q: float, p: float, quadrature: Quadrature) 
     """E2 with quadratic elements, which hold the exact solution: s = max(kappa r0 - q, 0)/(kappa + p)."""
     weight, b, M = 5.0, 1.0, 12.0
     kappa, r0 = M / b, weight * b**2 / (2.0 * M)
-    found = solve(discretize(block(weight, q, p, quadrature)))
+    found = solve(discretize(column_e2(weight, q, p, quadrature)))
     s = max(kappa * r0 - q, 0.0) / (kappa + p)
     P = kappa * (r0 - s)
     np.testing.assert_allclose(found.penetration, s, atol=1e-10)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.test_examples import run
+from tests.test_examples import run_example
 
 #: Opening and load of the exact beam: first damage, peak, and growth by 5 and 20 mm, from another computation.
 ONSET, PEAK = (0.3257791356, 13.39647198), (3.8741502, 122.54156)
@@ -16,7 +16,7 @@ GROWN = {5.0: (4.628313861, 112.4747645), 20.0: (7.113604785, 90.69944232)}
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Any]:
-    return run("double_cantilever")
+    return run_example("double_cantilever")
 
 
 def test_the_closed_form(found: dict[str, Any]) -> None:
@@ -26,7 +26,7 @@ def test_the_closed_form(found: dict[str, Any]) -> None:
         assert found["grown"](growth) == pytest.approx((load, opening), rel=1e-9)
 
 
-def errors(computed: tuple[np.ndarray, np.ndarray], curve: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def load_errors(computed: tuple[np.ndarray, np.ndarray], curve: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Relative errors of the load from the first damage on, with the opening."""
     load, opening = computed
     beyond = opening > ONSET[0]
@@ -35,7 +35,7 @@ def errors(computed: tuple[np.ndarray, np.ndarray], curve: np.ndarray) -> tuple[
 
 def test_beam_elements(found: dict[str, Any]) -> None:
     """Half a per cent all along; nodes that let go one after the other make the teeth."""
-    off, _ = errors(found["beams"], found["curve"])
+    off, _ = load_errors(found["beams"], found["curve"])
     assert np.abs(off).max() < 0.005
     assert found["beams"][0].max() == pytest.approx(PEAK[1], rel=0.005)
 
@@ -52,7 +52,7 @@ def test_the_order_of_beam_elements(found: dict[str, Any]) -> None:
 
 def test_a_plane_stress_arm_on_its_plane_of_symmetry(found: dict[str, Any]) -> None:
     """It shears and is pressed across, which the beam is not: 1.5 % where the glue lets go."""
-    off, opening = errors(found["plane"], found["curve"])
+    off, opening = load_errors(found["plane"], found["curve"])
     assert np.abs(off[opening > 2.0]).max() < 0.015
     assert found["plane"][0].max() == pytest.approx(PEAK[1], rel=0.015)
 

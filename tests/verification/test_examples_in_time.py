@@ -28,7 +28,7 @@ PROBLEMS = ROOT / "examples" / "problems"
 NAMES = ("relaxation", "bounce", "delayed_failure", "stick_slip", "bar_impact", "wear")
 
 
-def stated(name: str) -> ProblemFile:
+def example_file(name: str) -> ProblemFile:
     return read_problem_file(PROBLEMS / f"{name}.toml")
 
 
@@ -38,7 +38,7 @@ def marched(problem: ProblemFile) -> History:
 
 @cache
 def history(name: str) -> History:
-    found = marched(stated(name))
+    found = marched(example_file(name))
     assert found.finished
     largest = max(abs(value) for entry, value in found.ledger.items() if entry != "gap")
     assert abs(found.ledger["gap"]) < 1e-8 * largest
@@ -56,7 +56,7 @@ def test_all_examples_in_time_are_here() -> None:
 def test_the_command_marches_it(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some steps of each, with the table and the frames."""
     monkeypatch.chdir(tmp_path)
-    steps = stated(name).time.march.step  # type: ignore[union-attr]
+    steps = example_file(name).time.march.step  # type: ignore[union-attr]
     assert isinstance(steps, hv.evolution.FixedStep)
     step = steps.step
     options = ["--until", f"{4 * step:g}", "--every", f"{2 * step:g}", "--output", "a", "-q"]
@@ -106,7 +106,7 @@ def test_bounce() -> None:
 @pytest.mark.slow
 def test_delayed_failure() -> None:
     """Below the load that the glue bears at last the strip creeps to the static solution; above it fails, and late."""
-    problem = stated("delayed_failure")
+    problem = example_file("delayed_failure")
     statement = problem.problem
     assert isinstance(statement, hv.ContactProblem)
     low = replace(problem, problem=replace(statement, tractions={"right": (0.0, 0.23)}))

@@ -43,7 +43,7 @@ friction = {{ law = "tresca", bound = {BOUND} }}
 AT_REST = TEXT.replace("-1 * min(1, 4*t)", "-1").replace("-0.5 * min(1, 4*t)", "-0.5")
 
 
-def pulled(dim: int = 2) -> hv.ContactProblem:
+def drawn_to_the_left(dim: int = 2) -> hv.ContactProblem:
     return bodies.body(
         hv.rectangle((1.0, 1.0), 6) if dim == 2 else hv.box((1.0, 1.0, 1.0), 3),
         hv.Contact(hv.Compliance(10.0), hv.Tresca(BOUND)),
@@ -54,12 +54,12 @@ def pulled(dim: int = 2) -> hv.ContactProblem:
 
 @pytest.fixture(scope="module")
 def plane() -> hv.Solution:
-    return hv.solve(pulled()).raise_for_status()
+    return hv.solve(drawn_to_the_left()).raise_for_status()
 
 
 @pytest.fixture(scope="module")
 def solid() -> hv.Solution:
-    return hv.solve(pulled(3)).raise_for_status()
+    return hv.solve(drawn_to_the_left(3)).raise_for_status()
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_in_python(plane: hv.Solution) -> None:
 
 
 def test_friction_of_nothing_is_zero_without_a_sign() -> None:
-    solution = hv.solve(hv.discretize(pulled()).with_(load=np.zeros(84))).raise_for_status()
+    solution = hv.solve(hv.discretize(drawn_to_the_left()).with_(load=np.zeros(84))).raise_for_status()
     assert not np.signbit(solution.friction).any()
 
 
@@ -193,7 +193,7 @@ def test_in_histories_of_python() -> None:
         """From zero on: what slips at once under a load of the start comes before the energy balance."""
         return np.tile([-t, -0.5 * t], (len(points), 1))
 
-    evolution = hv.Evolution(replace(pulled(), body_force=load), inertia=False)
+    evolution = hv.Evolution(replace(drawn_to_the_left(), body_force=load), inertia=False)
     history = march(evolution, until=1.0, step=1.0, save=hv.evolution.Save(every=1.0))
     assert history["friction_force"][-1] == pytest.approx(BOUND * (1.0 - 1.0 / 12.0))
     film = film_of(history)

@@ -55,7 +55,7 @@ def body_force(x: Array) -> Array:
     return force
 
 
-def problem(dim: int, cells: int, order: int) -> hv.ContactProblem:
+def manufactured_problem(dim: int, cells: int, order: int) -> hv.ContactProblem:
     mesh = hv.rectangle((1.0, 1.0), cells) if dim == 2 else hv.box((1.0, 1.0, 1.0), cells)
     others = [name for name in mesh.boundaries if name != "bottom"]
 
@@ -79,7 +79,7 @@ def problem(dim: int, cells: int, order: int) -> hv.ContactProblem:
 def test_the_error_falls_at_the_rate_of_the_elements(dim: int, order: int, sizes: tuple[int, ...], rate: float) -> None:
     off = []
     for cells in sizes:
-        stated = problem(dim, cells, order)
+        stated = manufactured_problem(dim, cells, order)
         solution = hv.solve(stated).raise_for_status()
         assert (solution.local[:, 0] > 0.0).all()
         error = solution.displacement - displacement(stated.mesh.nodes(order))

@@ -24,7 +24,7 @@ from tests.samples import slow
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
-def _load() -> ModuleType:
+def _benchmark() -> ModuleType:
     sys.path.insert(0, str(BENCHMARKS))
     try:
         spec = importlib.util.spec_from_file_location("verification_benchmark", BENCHMARKS / "verification.py")
@@ -38,7 +38,7 @@ def _load() -> ModuleType:
     return module
 
 
-known = _load()
+known = _benchmark()
 
 
 def solved(problem: ContactProblem) -> Solution:

@@ -79,7 +79,7 @@ def test_a_viscous_membrane_rings_down() -> None:
     assert abs(found[0].ledger["gap"]) < 1e-12 * found[0].ledger["elastic"] + 1e-14
 
 
-def strip(cells: int, **more: object) -> dict[str, object]:
+def string_strip(cells: int, **more: object) -> dict[str, object]:
     """A string as a strip of one row of cells."""
     mesh = hv.rectangle((1.0, 1.0 / cells), (cells, 1))
     return {"mesh": mesh, "coefficient": 1.0, "density": 1.0, **more}
@@ -89,7 +89,7 @@ def strip(cells: int, **more: object) -> dict[str, object]:
 def test_a_string_hits_a_stop(cells: int) -> None:
     """D5 across the plane: ``u(0, t) = (1 - t)/2``, then 0 with the force 1/2 for 1 < t < 2, and off again."""
     stop = hv.ScalarContact(hv.Signorini(), 0.0, side="below")  # type: ignore[arg-type]
-    string = hv.ScalarProblem(**strip(cells, contact={"left": stop}, supports={"right": 0.0}))  # type: ignore[arg-type]
+    string = hv.ScalarProblem(**string_strip(cells, contact={"left": stop}, supports={"right": 0.0}))  # type: ignore[arg-type]
     evolution = Evolution(
         string,
         inertia=True,
@@ -124,7 +124,7 @@ def test_a_string_meets_a_spring() -> None:
     end = hv.ScalarContact(hv.Compliance(spring), 0.0, side="below")  # type: ignore[arg-type]
     errors = []
     for n in (cells, 2 * cells):
-        given = strip(n, coefficient=tension, density=rho, contact={"left": end})
+        given = string_strip(n, coefficient=tension, density=rho, contact={"left": end})
         string = hv.ScalarProblem(**given)  # type: ignore[arg-type]
         evolution = Evolution(string, inertia=True, velocity=-speed)
         history = march(evolution, until, scheme=hv.evolution.Newmark(), step=0.5 / n)

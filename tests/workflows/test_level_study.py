@@ -47,7 +47,7 @@ def stiffness(points: Array) -> Array:
     return (LAM + 2.0 * MU) * along(np.zeros(len(points)))[1] * across(points[:, 0])[0] / PRESSED
 
 
-def block(kind: Any, element: Any, n: int) -> FormProblem:
+def form_square(kind: Any, element: Any, n: int) -> FormProblem:
     basis = skfem.Basis(grid(kind, n), skfem.ElementVector(element()), intorder=8)
     sides: dict[str, Any] = {side: {"u^1": 0.0} for side in ("left", "right")}
     body = FormBody(basis, elastic, force, sides | {"top": {"u^1": 0.0, "u^2": displacement}})
@@ -79,7 +79,7 @@ def errors(solution: Solution, made: Any) -> dict[str, float]:
 def test_orders_of_elements_by_forms(kind: Any, element: Any, order: int) -> None:
     exact = (LAM + 2.0 * MU) * along(np.zeros(1))[1][0]  # the mean of c is 1
     found = study_levels(
-        lambda level: block(kind, element, 2 ** (level + 1)),
+        lambda level: form_square(kind, element, 2 ** (level + 1)),
         3,
         measure=errors,
         known={"mean square": 0.0, "slope": 0.0, "force": exact},
@@ -93,7 +93,7 @@ def test_orders_of_elements_by_forms(kind: Any, element: Any, order: int) -> Non
 
 
 def test_without_known_values_the_finest_level_is_the_reference() -> None:
-    found = study_levels(lambda k: block(skfem.MeshQuad, skfem.ElementQuad1, 2 ** (k + 1)).discrete, 2,
+    found = study_levels(lambda k: form_square(skfem.MeshQuad, skfem.ElementQuad1, 2 ** (k + 1)).discrete, 2,
                          measure=lambda solution, made: {"energy": solution.energy})  # fmt: skip
     values = found.values["energy"]
     np.testing.assert_allclose(found.errors("energy")[:2], np.abs(values[:2] - values[2]))
@@ -113,7 +113,7 @@ def test_without_known_values_the_finest_level_is_the_reference() -> None:
 )
 def test_what_is_wrong_is_told(make: Any, measure: Any, known: Any, words: str) -> None:
     def level(k: int) -> FormProblem:
-        return block(skfem.MeshQuad, skfem.ElementQuad1, 2 ** (k + 1))
+        return form_square(skfem.MeshQuad, skfem.ElementQuad1, 2 ** (k + 1))
 
     with pytest.raises(hv.errors.ProblemError, match=words):
         study_levels(make or level, 1, measure=measure or errors, known=known)

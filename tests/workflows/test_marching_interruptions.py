@@ -20,11 +20,11 @@ from tests.samples import sampled
 PLACES, FEW = 12, 3
 
 
-def glued() -> hv.ContactProblem:
+def glued_square() -> hv.ContactProblem:
     return bodies.square(hv.Adhesive(20.0, 1.0, 5.0), 3, supports={"top": hv.Fixed(x=0.0, y=0.02)})
 
 
-def sliding() -> hv.ContactProblem:
+def sliding_square() -> hv.ContactProblem:
     contact = hv.Contact(hv.laws.ThresholdCompliance(0.3, 2.0), hv.Coulomb(0.4))
     return bodies.square(contact, 3, body_force=(-0.8, -0.8))
 
@@ -49,9 +49,9 @@ def fitted() -> object:
 
 
 WORK: dict[str, Callable[[], object]] = {
-    "solve": lambda: hv.solve(sliding()),
+    "solve": lambda: hv.solve(sliding_square()),
     "identify": fitted,
-    "study": lambda: hv.study(sliding(), 1),
+    "study": lambda: hv.study(sliding_square(), 1),
     "study_levels": lambda: study_levels(
         lambda level: hv.discretize(bodies.square(hv.Compliance(3.0), 2 * 2**level, body_force=(0.0, -1.0))),
         refine=2,
@@ -59,8 +59,8 @@ WORK: dict[str, Callable[[], object]] = {
     ),
     "downhill": lambda: hv.march(lifted(), until=1.0, step=0.5),
     "arc-length": lambda: hv.march(lifted(), until=1.0, step=0.5, jump="arc-length"),
-    "solutions": lambda: hv.find_solutions(glued()),
-    "path": lambda: hv.follow_path(glued()),
+    "solutions": lambda: hv.find_solutions(glued_square()),
+    "path": lambda: hv.follow_path(glued_square()),
     "bracket": lambda: hv.branches.load_bracket(bodies.square(hv.Adhesive(20.0, 1.0), 3, body_force=(0.0, 2.0))),
 }
 

@@ -158,7 +158,7 @@ def same_bits(one: hv.workflows.Study, other: hv.workflows.Study) -> None:
         assert one.norms[name] == other.norms[name]
 
 
-def solved(problem: hv.ContactProblem, options: StudyOptions) -> tuple[list[int], hv.workflows.Study]:
+def studied(problem: hv.ContactProblem, options: StudyOptions) -> tuple[list[int], hv.workflows.Study]:
     """Which meshes were solved, and the study."""
     begun: list[int] = []
 
@@ -177,11 +177,11 @@ def test_what_was_interrupted_goes_on_with_the_same_bits(problem: hv.ContactProb
     lines = keep.read_text().splitlines()
     assert len(lines) == 3
     keep.write_text("\n".join(lines) + "\n" + lines[-1][:50])  # killed while it wrote the next mesh
-    begun, last = solved(problem, StudyOptions(3, checkpoint=keep))
+    begun, last = studied(problem, StudyOptions(3, checkpoint=keep))
     assert begun == [2, 3]
     same_bits(last, whole)
     assert keep.read_text().splitlines()[:3] == lines
-    assert solved(problem, StudyOptions(3, checkpoint=keep))[0] == []
+    assert studied(problem, StudyOptions(3, checkpoint=keep))[0] == []
 
 
 def test_more_meshes_and_an_exact_solution_go_on_from_the_same_file(
@@ -189,7 +189,7 @@ def test_more_meshes_and_an_exact_solution_go_on_from_the_same_file(
 ) -> None:
     keep = tmp_path / "a.jsonl"
     hv.study(problem, 1, checkpoint=keep)
-    begun, found = solved(problem, StudyOptions(3, MANUFACTURED_EXACT, checkpoint=keep))
+    begun, found = studied(problem, StudyOptions(3, MANUFACTURED_EXACT, checkpoint=keep))
     assert begun == [2, 3]
     same_bits(found, exact)
     fewer = hv.study(problem, 2, known=MANUFACTURED_EXACT, checkpoint=keep)
@@ -249,10 +249,10 @@ def test_a_line_that_was_changed_is_named(problem: hv.ContactProblem, tmp_path: 
 def test_what_a_time_limit_ended_is_tried_again(problem: hv.ContactProblem, tmp_path: Path) -> None:
     keep = tmp_path / "a.jsonl"
     options = StudyOptions(1, controls=hv.Controls(max_time=0.0), checkpoint=keep)
-    begun, found = solved(problem, options)
+    begun, found = studied(problem, options)
     assert not found.converged
     assert keep.read_text().count("\n") == 1
-    assert solved(problem, options)[0] == begun == [0, 1]
+    assert studied(problem, options)[0] == begun == [0, 1]
 
 
 @pytest.mark.slow

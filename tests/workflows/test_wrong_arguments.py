@@ -29,7 +29,7 @@ DISCRETE = hv.discretize(PROBLEM)
 STATED = ProblemFile(PROBLEM, SolverSettings())
 
 
-def stated(values: object) -> hv.ContactProblem:
+def same_problem(values: object) -> hv.ContactProblem:
     """A problem for any parameters."""
     return PROBLEM
 
@@ -52,8 +52,8 @@ RIGHT: dict[str, dict[str, object]] = {
     "diagnose": {"limit": 0.1},
     "energy_norm_difference": {"one": SOLUTION, "other": SOLUTION},
     "evolution_of": {"stated": STATED},
-    "identify": {"problem": stated, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
-    "identifying": {"problem": stated, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
+    "identify": {"problem": same_problem, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
+    "identifying": {"problem": same_problem, "data": MEASURED, "parameters": {"k": (0.5, 2.0)}},
     "march": {"evolution": EVOLUTION, "plan": hv.evolution.March(1.0, step=1.0)},
     "bracket": {"problem": PROBLEM},
     "path": {"problem": PROBLEM},
@@ -71,8 +71,8 @@ RIGHT: dict[str, dict[str, object]] = {
     "study_law": {"name": "softening"},
     "studying": {"problem": PROBLEM},
     "survey": {"options": None},
-    "sweep": {"problem": stated, "axes": {"a": [1.0]}},
-    "sweeping": {"problem": stated, "axes": {"a": [1.0]}},
+    "sweep": {"problem": same_problem, "axes": {"a": [1.0]}},
+    "sweeping": {"problem": same_problem, "axes": {"a": [1.0]}},
 }
 #: Arguments that are not tried: without options the survey runs for minutes, and tools are those of an engine.
 LEFT_OUT = {("survey", "options"), ("march", "tools")}

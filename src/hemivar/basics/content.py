@@ -27,10 +27,11 @@ _CODE = (types.FunctionType, types.ModuleType)
 def content(value: object) -> Iterator[bytes]:
     """The content of a value, piece by piece.
 
-    Numbers and arrays by all their bits, dataclasses by their fields, functions by their code: names, constants, values
-    that they enclose, defaults, and the numbers, arrays and functions of their module that they name, or of a module of
-    the user's that they name.  Addresses, names of files, what is kept for speed, installed packages, and what code
-    reaches by other ways than by its name (imports within a function, files that it reads) do not count.
+    Numbers and arrays by all their bits, dataclasses by their class's name and their fields (not by its code),
+    functions by their code: names, constants, values that they enclose, defaults, and the numbers, arrays and
+    functions of their module that they name, or of a module of the user's that they name. Addresses, names of files,
+    what is kept for speed, installed packages, and what code reaches by other ways than by its name (imports within a
+    function, files that it reads) do not count.
     """
     yield from _of(value, ())
 
@@ -49,7 +50,7 @@ def _of(value: object, inside: tuple[int, ...]) -> Iterator[bytes]:
         yield b"<again>"
         return
     kind = type(value)
-    yield b"(" + kind.__qualname__.encode()
+    yield b"(" + _called(kind).encode()
     if isinstance(value, Enum):
         yield str(value.value).encode()
     elif isinstance(value, float):
@@ -66,6 +67,13 @@ def _of(value: object, inside: tuple[int, ...]) -> Iterator[bytes]:
         for part in _parts(value):
             yield from _of(part, (*inside, id(value)))
     yield b")"
+
+
+def _called(kind: type) -> str:
+    """The name of a class, with its module where that is the user's; a script has another name in other processes."""
+    root = kind.__module__.partition(".")[0]
+    ours = root in ("hemivar", "numpy", "scipy") or root in sys.stdlib_module_names or root.startswith("__")
+    return kind.__qualname__ if ours else f"{kind.__module__}:{kind.__qualname__}"
 
 
 def _array(array: AnyArray, inside: tuple[int, ...]) -> Iterator[bytes]:

@@ -13,9 +13,11 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
+from pathlib import Path
 from typing import TypeVar
 
 from hemivar.basics.signals import handled
+from hemivar.basics.user_code import load_file, loaded_files
 from hemivar.errors import MethodError, ProblemError
 
 __all__ = ["results"]
@@ -56,7 +58,8 @@ def results(
     else:
         return
     before = {child.pid for child in multiprocessing.active_children()}
-    pool = ProcessPoolExecutor(min(jobs, len(tasks) - count), multiprocessing.get_context("spawn"), _prepare)
+    most, anew = min(jobs, len(tasks) - count), multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(most, anew, _prepare, (loaded_files(),))
     left, running, finished = iter(tasks[count:]), set[Future[Result]](), False
     try:
         while True:
@@ -80,12 +83,14 @@ def results(
                 child.join(5.0)
 
 
-def _prepare() -> None:
-    """Let a process end with the one that started it, and leave Ctrl-C to that."""
+def _prepare(files: Sequence[Path]) -> None:
+    """Let a process end with the one that started it, leave Ctrl-C to that, and load the user's files that it has."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    for file in files:
+        load_file(file)
 
 
 def _end_with(sentinel: int) -> None:

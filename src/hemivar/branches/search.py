@@ -12,7 +12,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from hemivar.basics.deadline import Budget, OutOfTime, limited
+from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.enumeration import Candidate
 from hemivar.branches.follower import trace
@@ -36,6 +36,12 @@ __all__ = ["SearchProgress", "SolutionSearch"]
 
 #: Steps of Newton's method to a saddle.
 _NEWTON = 25
+#: Starts that are deflated side by side, and entries of their Jacobians at most: 8 MiB.
+_AT_ONCE, _ENTRIES = 20, 2**20
+#: Relative residual of a start whose pieces and kinks are tried.
+_ROUGH = 1e-2
+#: Part of the length of a chain by which two zeros differ.
+_APART = 1e-9
 #: Points of glue that couples of which all combinations of intact and broken are tried.
 _COMBINED = 4
 #: Methods that start from where they begin by themselves.
@@ -192,11 +198,9 @@ class SolutionSearch:
         """Add what a solver found if it converged and is new."""
         if solution.status is not Status.CONVERGED or self.full:
             return False
-        if self.chain is not None:
-            theta, segment = self.chain.nearest(solution.local, solution.multiplier)
-            corrected = self.chain.correct(theta, segment, self.chain.force)
-            if corrected is not None and self.chain.inside(corrected, segment, 1e-7 * self.chain.length).all():
-                return self.add_point(corrected, segment)
+        place = self._on_its_pieces(solution)
+        if place is not None:
+            return self.add_point(*place)
         solution, error = polish_by_solver(solution, self.system, self.workspace, self.controls, self.budget)
         if self.known(solution.local, error):
             return False
@@ -205,6 +209,16 @@ class SolutionSearch:
         if self.chain is not None:
             self.points.append(self.chain.nearest(solution.local, solution.multiplier))
         return True
+
+    def _on_its_pieces(self, solution: Solution) -> tuple[Array, IntArray] | None:
+        """theta and segment of the zero of F on the pieces and kinks that a solution is nearest to, if it is there."""
+        chain = self.chain
+        if chain is None or solution.status is not Status.CONVERGED:
+            return None
+        theta, segment = chain.nearest(solution.local, solution.multiplier)
+        corrected = chain.correct(theta, segment, chain.force)
+        inside = corrected is not None and chain.inside(corrected, segment, 1e-7 * chain.length).all()
+        return (corrected, segment) if corrected is not None and inside else None
 
     def from_candidates(self, candidates: Iterable[Candidate]) -> Iterator[None]:
         """The points of the enumeration."""
@@ -240,14 +254,27 @@ class SolutionSearch:
     # ---- starts ------------------------------------------------------------------------------------------
 
     def run(self, solver: Solver, r: Array | None = None) -> None:
-        """Solve from a point, or from where the method begins, and keep what is new."""
-        problem = self.problem
+        """Solve from a point, or from where the method begins, and keep what is new.
+
+        From a point roughly at first: Newton's method on the pieces and kinks of what it ends at makes that exact.
+        """
         self.starts += 1
-        initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
-        controls = replace(self.controls, max_time=self.budget.left)
-        found = solve(problem, suited(solver, problem), controls, initial=initial, workspace=self.workspace)
-        self.add_solution(found)
-        check_interrupt(found.status)
+        initial: Array | Solution | None = None
+        if r is not None:
+            initial = self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
+            if self.chain is not None:
+                initial = self._solved(solver, initial, _ROUGH)
+                if self._on_its_pieces(initial) is not None:
+                    self.add_solution(initial)
+                    return
+        self.add_solution(self._solved(solver, initial, self.controls.rtol))
+
+    def _solved(self, solver: Solver, initial: Array | Solution | None, rtol: float) -> Solution:
+        controls = replace(self.controls, rtol=max(rtol, self.controls.rtol), max_time=self.budget.left)
+        method = suited(solver, self.problem)
+        solution = solve(self.problem, method, controls, initial=initial, workspace=self.workspace)
+        check_interrupt(solution.status)
+        return solution
 
     def plan(self, count: int) -> None:
         """Count the starts there will be, with so many at random of each kind."""
@@ -357,25 +384,31 @@ class SolutionSearch:
         """Newton's method on the residual deflated by the known solutions, from random points of the graph."""
         chain = self.chain
         assert chain is not None
-        rows = np.arange(chain.size)
-        for k in range(2 * count):
+        at_once = min(max(_ENTRIES // max(chain.size, 1) ** 2, 1), _AT_ONCE)
+        starts = [self._on_graph(k) for k in range(2 * count)]
+        for first in range(0, len(starts), at_once):
             if self.full:
                 return
-            self.starts += 1
-            if k < chain.kink.shape[1]:  # every layer: all components on segments of one number
-                choice = np.minimum(np.full(chain.size, k), chain.count - 1)
-            else:
-                choice = self.random.integers(0, chain.count)
-            low, high = chain.start[rows, choice], chain.end[rows, choice]
-            # far off, and close to the ends of the pieces, where a steep law may turn
-            reach = chain.length * 10.0 ** self.random.uniform(-4.0 if k % 2 else -1.0, 0.5, size=chain.size)
-            low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - reach, -reach))
-            high = np.where(np.isfinite(high), high, low + reach)
-            theta = low + (high - low) * self.random.uniform(size=chain.size)
-            end = _deflated_newton(chain, theta, [point for point, _ in self.points])
-            if end is not None:
-                self.add_point(*end)
-            yield
+            rows = np.array(starts[first : first + at_once])
+            self.starts += len(rows)
+            for theta, segment in _deflated_newton(chain, rows, [point for point, _ in self.points]):
+                self.add_point(theta, segment)
+            for _ in rows:
+                yield
+
+    def _on_graph(self, k: int) -> Array:
+        """A random theta (n,): far off, and close to the ends of the pieces, where a steep law may turn."""
+        chain = self.chain
+        assert chain is not None
+        if k < chain.kink.shape[1]:  # every layer: all components on segments of one number
+            choice = np.minimum(np.full(chain.size, k), chain.count - 1)
+        else:
+            choice = self.random.integers(0, chain.count)
+        low, high = chain.pick(chain.start, choice), chain.pick(chain.end, choice)
+        reach = chain.length * 10.0 ** self.random.uniform(-4.0 if k % 2 else -1.0, 0.5, size=chain.size)
+        low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - reach, -reach))
+        high = np.where(np.isfinite(high), high, low + reach)
+        return np.asarray(low + (high - low) * self.random.uniform(size=chain.size))
 
     def from_paths_and_saddles(self, rounds: int = 40) -> Iterator[None]:
         """The load path through every solution, and the ways down from every saddle."""
@@ -411,46 +444,66 @@ def _way_down(chain: Chain, theta: Array, segment: IntArray) -> Array:
     return out
 
 
-def _deflated_newton(chain: Chain, theta: Array, known: list[Array]) -> tuple[Array, IntArray] | None:
-    """A zero of F away from the known ones (Farrell, Birkisson and Funke 2015), or None.
+def _deflated_newton(chain: Chain, starts: Array, known: list[Array]) -> list[tuple[Array, IntArray]]:
+    """Zeros of F away from the known ones (Farrell, Birkisson and Funke 2015), from all rows of ``starts (k, n)``.
 
     Newton's method for ``M(theta) F(theta)`` with ``M = prod(1 + L^2/|theta - theta_k|^2)``: the direction is that for
-    F, times a scalar.
+    F, times a scalar.  What one row finds is deflated for all others; one that comes to the same starts again.
     """
-    force = chain.force
-    size = float(np.abs(force).max(initial=0.0)) + float(np.abs(chain.matrix).max()) * chain.length
-    centres = np.array(known).reshape(-1, chain.size)
+    force, theta = chain.force, starts
+    size = float(np.abs(force).max(initial=0.0)) + float(np.abs(chain.matrix).max(initial=0.0)) * chain.length
+    centres, zeros = np.array(known).reshape(-1, chain.size), list[tuple[Array, IntArray]]()
 
-    def merit(x: Array) -> float:
-        segment = chain.segment_of(x)
-        F = chain.out_of_balance(x, segment, force)
-        gap = np.maximum(((x - centres) ** 2).sum(axis=1), 1e-300)
-        return float(np.linalg.norm(F) * np.exp(np.log1p(chain.length**2 / gap).sum()))
+    def merit(x: Array, F: Array) -> Array:
+        gap = np.maximum(((x[:, None] - centres) ** 2).sum(axis=-1), 1e-300)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray(np.linalg.norm(F, axis=1) * np.exp(np.log1p(chain.length**2 / gap).sum(axis=1)))
 
-    now = merit(theta)
     for _ in range(60):
+        check_time()
         segment = chain.segment_of(theta)
         F, J = chain.balance(theta, segment, force)
-        if np.abs(F).max(initial=0.0) <= 1e-12 * size:
-            return theta, segment
-        try:
-            step = np.linalg.solve(J, -F)
-        except np.linalg.LinAlgError:
-            step = np.linalg.lstsq(J, -F, rcond=1e-10)[0]
-        away = theta - centres
-        gap = np.maximum((away**2).sum(axis=1), 1e-300)
-        slope = (-2.0 * chain.length**2 * away / (gap * (gap + chain.length**2))[:, None]).sum(axis=0)
-        denominator = 1.0 - float(slope @ step)
-        step = step / denominator if abs(denominator) > 1e-3 else step
-        far = float(np.abs(step).max(initial=0.0))
-        length = min(1.0, 20.0 * chain.length / far) if far > 0.0 else 1.0
+        done = np.abs(F).max(axis=1, initial=0.0) <= 1e-12 * size
+        again = done.copy()
+        for i in np.flatnonzero(done):
+            again[i] = (np.abs(centres - theta[i]).max(axis=1, initial=0.0) <= _APART * chain.length).any()
+            if not again[i]:
+                zeros.append((theta[i], segment[i]))
+                centres = np.concatenate([centres, theta[i : i + 1]])
+        restarted, theta, starts, F, J = starts[again], theta[~done], starts[~done], F[~done], J[~done]
+        now, step = merit(theta, F), _newton_steps(J, F)
+        away = theta[:, None] - centres
+        gap = np.maximum((away**2).sum(axis=-1), 1e-300)
+        slope = (-2.0 * chain.length**2 * away / (gap * (gap + chain.length**2))[..., None]).sum(axis=1)
+        denominator = 1.0 - (slope * step).sum(axis=1)
+        step /= np.where(np.abs(denominator) > 1e-3, denominator, 1.0)[:, None]
+        far = np.abs(step).max(axis=1, initial=0.0)
+        length = 20.0 * chain.length / np.maximum(far, 20.0 * chain.length)
+        trial, value, trying = theta.copy(), np.empty(len(theta)), np.arange(len(theta))
         for _ in range(7):
-            trial = theta + length * step
-            value = merit(trial)
-            if value < now:
+            trial[trying] = at = theta[trying] + length[trying, None] * step[trying]
+            value[trying] = merit(at, chain.out_of_balance(at, chain.segment_of(at), force))
+            trying = trying[~(value[trying] < now[trying])]
+            length[trying] *= 0.5
+            if not trying.size:
                 break
-            length *= 0.5
-        if not np.isfinite(value):
-            return None
-        theta, now = trial, value
-    return None
+        finite = np.isfinite(value)
+        theta, starts = np.concatenate([trial[finite], restarted]), np.concatenate([starts[finite], restarted])
+        if not len(theta):
+            break
+    return zeros
+
+
+def _newton_steps(J: Array, F: Array) -> Array:
+    """Newton's steps (k, n), those of least squares where a Jacobian (k, n, n) is singular."""
+    try:
+        return np.asarray(np.linalg.solve(J, -F[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        return np.array([_newton_step(*row) for row in zip(J, F, strict=True)])
+
+
+def _newton_step(J: Array, F: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(J, -F))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(J, -F, rcond=1e-10)[0])

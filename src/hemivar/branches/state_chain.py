@@ -59,43 +59,43 @@ class StateChain(Chain):
         return bound
 
     def _state(self, r: Array, lam: Array) -> tuple[Array, Array]:
-        """Penetration and pressure of all contact points, (m,) each."""
-        full_r, full_lam = self.system.fixed[:, 0].copy(), np.zeros(self.system.shape[0])
-        normal = ~self.tangential
-        full_r[self.point[normal]], full_lam[self.point[normal]] = r[normal], lam[normal]
+        """Penetration and pressure of all contact points, ``(m,)`` or ``(k, m)`` each."""
+        shape, normal = (*r.shape[:-1], self.system.shape[0]), ~self.tangential
+        full_r, full_lam = np.array(np.broadcast_to(self.system.fixed[:, 0], shape)), np.zeros(shape)
+        full_r[..., self.point[normal]], full_lam[..., self.point[normal]] = r[..., normal], lam[..., normal]
         return full_r, full_lam
 
+    def _value(self, penetration: Array, pressure: Array) -> Array:
+        """The bound of all contact points, ``(m,)`` or ``(k, m)``."""
+        bound = self._bound if penetration.ndim == 1 else self._bound.take(self.copied(len(penetration)))
+        return bound.value(penetration.ravel(), pressure.ravel()).reshape(penetration.shape)
+
     def _rates(self, r: Array, lam: Array) -> tuple[Array, Array]:
-        """Derivatives of h in penetration and pressure at the point of each component, (n,) each."""
+        """Derivatives of h in penetration and pressure at the point of each component, of the shape of ``r``."""
         full_r, full_lam = self._state(r, lam)
         length, pressure = _STEP * self.system.length_scale, _STEP * self.system.pressure_scale
-        value = self._bound.value
+        value = self._value
         in_r = (value(full_r + length, full_lam) - value(full_r - length, full_lam)) / (2.0 * length)
         in_lam = np.zeros_like(in_r)
         if np.isinf(self._bound.lipschitz).any():
             in_lam = (value(full_r, full_lam + pressure) - value(full_r, full_lam - pressure)) / (2.0 * pressure)
-        return in_r[self.point], in_lam[self.point]
-
-    def out_of_balance(self, theta: Array, segment: IntArray, force: Array) -> Array:
-        """F on the given segments."""
-        r, lam, _, _ = self.evaluate(theta, segment)
-        return np.asarray(self.matrix @ r + self.weights * self.factors(r, lam) * lam - force)
+        return in_r[..., self.point], in_lam[..., self.point]
 
     def balance(self, theta: Array, segment: IntArray, force: Array) -> tuple[Array, Array]:
         """F and dF/dtheta on the given segments."""
         r, lam, dr, dlam = self.evaluate(theta, segment)
         factor, (in_r, in_lam) = self.factors(r, lam), self._rates(r, lam)
-        jacobian = self.matrix * dr
-        jacobian[np.diag_indices(self.size)] += self.weights * factor * dlam
+        jacobian = self.matrix * dr[..., None, :]
+        jacobian[..., self._rows, self._rows] += self.weights * factor * dlam
         coupled = np.flatnonzero(self.tangential & (self.partner >= 0))
         partner = self.partner[coupled]
-        rate = in_r[coupled] * dr[partner] + in_lam[coupled] * dlam[partner]
-        jacobian[coupled, partner] += self.weights[coupled] * lam[coupled] * rate
-        return self.matrix @ r + self.weights * factor * lam - force, jacobian
+        rate = in_r[..., coupled] * dr[..., partner] + in_lam[..., coupled] * dlam[..., partner]
+        jacobian[..., coupled, partner] += self.weights[coupled] * lam[..., coupled] * rate
+        return r @ self.matrix.T + self.weights * factor * lam - force, jacobian
 
     def factors(self, r: Array, lam: Array) -> Array:
         """The bound of each tangential component, 1 for a normal one."""
-        return np.where(self.tangential, self._bound.value(*self._state(r, lam))[self.point], 1.0)
+        return np.where(self.tangential, self._value(*self._state(r, lam))[..., self.point], 1.0)
 
     def nearest(self, r: Array, lam: Array) -> tuple[Array, IntArray]:
         """theta and segment of the point of each curve nearest to ``(r, lam)``, both (m, d)."""

@@ -39,6 +39,7 @@ class LawsCommand(Command):
     ] = False
     reach: Annotated[float | None, option("Range of the plot: -X to X (automatic).", of="X")] = None
     plot: Annotated[opt.File, written("Draw graph and potential (.png, .svg or .pdf).")] = None
+    allow_code: opt.AllowCode = None
 
     @property
     def read(self) -> Path | None:
@@ -66,7 +67,8 @@ class LawsCommand(Command):
         if self.friction and name in NORMAL_LAWS and name not in FRICTION_LAWS:
             raise ProblemError(f"'{name}' is a normal law; leave out --friction")
         with noting_files_read() as files:
-            work = study_law(name, values, friction=self.friction, first=self.plot is not None, label="--set ")
+            first, code = self.plot is not None, self.allow_code or ()
+            work = study_law(name, values, friction=self.friction, first=first, label="--set ", code=code)
             studies = result_of(work)
         keep_off(files_of(self.outputs), files)
         for study in studies:
@@ -155,11 +157,11 @@ def _check_reach(reach: float | None, what: str) -> None:
 def _print_examples(examples: Mapping[str, Value]) -> None:
     """Say which values are examples."""
     if examples:
-        told = "  ".join(
+        values = "  ".join(
             f"{key}={','.join(f'{x:g}' for x in value) if isinstance(value, tuple) else value}"
             for key, value in examples.items()
         )
-        print(f"\nshown with        {told}  (change them with --set)")
+        print(f"\nshown with        {values}  (change them with --set)")
 
 
 def _drawn(curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw, reach: float | None) -> Figure:
@@ -183,15 +185,19 @@ def _print_entry(entry: LawEntry) -> None:
     samples = {Form.LIST: "[...]", Form.FILE: '"law.csv"', Form.TEXT: '"..."'}
     required = "".join(f", {p.key} = {samples.get(p.said.form, '...')}" for p in entry.parameters if p.required)
     print(f"\n  {entry.name}: {entry.summary}")
-    print(f"      {entry.formula}")
+    if entry.formula:
+        print(f"      {entry.formula}")
     print(f'      {entry.kind} = {{ law = "{entry.name}"{required} }}')
     for p in entry.parameters:
-        said = p.said
+        stated = p.said
         value = f'"{p.default}"' if isinstance(p.default, str) else f"{p.default:g}" if p.default is not None else ""
         default = f", default {value}" if value else "" if p.required else ", may be left out"
-        lowest = ", positive" if said.above is not None else "" if said.least is None else f", at least {said.least:g}"
-        form = "a list, " if said.form is Form.LIST else ""
-        print(f"      {p.key:<11} {form}{said.says} [{said.unit}]{lowest}{default}")
+        lowest = (
+            ", positive" if stated.above is not None else "" if stated.least is None else f", at least {stated.least:g}"
+        )
+        unit = f" [{stated.unit}]" if stated.unit else ""
+        form = "a list, " if stated.form is Form.LIST else ""
+        print(f"      {p.key:<11} {form}{stated.says}{unit}{lowest}{default}")
 
 
 def _list_materials() -> None:

@@ -22,6 +22,7 @@ __all__ = [
     "MOST_JOBS",
     "MOST_STEPS",
     "WRITTEN",
+    "AllowCode",
     "Checkpoint",
     "Colour",
     "Constant",
@@ -58,7 +59,9 @@ __all__ = [
     "written",
 ]
 
+#: A residual of a hundredth of the load is no solution: forces are off by as much.
 _LARGEST_RTOL = 1e-2
+#: Squares of loads up to this one are below the largest number, 1.8e308.
 _LARGEST_FACTOR = 1e100
 #: Most processes that can be asked for.
 MOST_JOBS = 256
@@ -104,6 +107,10 @@ Until = Annotated[float | None, option("End of the time interval.", of="T")]
 StepLength = Annotated[float | None, option("Time step; the first one if steps are adapted.", "--step", of="T")]
 UnitNames = Annotated[
     str | None, option("Units for the labels: of time, length, force, stress, energy.", of="T,L,F,S,E")
+]
+AllowCode = Annotated[
+    list[str] | None,
+    option("Allow laws of this module or file, which the problem file names as module:Class.", of="MODULE"),
 ]
 Given = Annotated[
     list[str] | None, option("Set a value of the file, as in contact.bottom.gap=0.1.", "--set", of="KEY=VALUE")

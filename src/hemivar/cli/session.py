@@ -36,6 +36,7 @@ class Session:
         solution: Path | None = None,
         given: Sequence[str | Change] | None = None,
         engine: Engine | None = None,
+        code: Sequence[str] | None = None,
     ) -> None:
         from hemivar.files.changes import Change, read_change
 
@@ -44,11 +45,11 @@ class Session:
         def checked() -> list[Change]:
             check_outputs(outputs, path, engine.pieces)
             check_limits(rtol, max_time, max_steps)
-            return [one if isinstance(one, Change) else read_change(one) for one in given or ()]
+            return [change if isinstance(change, Change) else read_change(change) for change in given or ()]
 
         changes = engine.agree(checked)
         with noting_files_read() as read:
-            self.stated = engine.read(path, changes)
+            self.stated = engine.read(path, changes, code or ())
         files = engine.inputs(read if solution is None else [*read, solution])
         engine.agree(lambda: keep_off(files_of(outputs, engine.pieces), files))
         self.path, self.outputs = path, outputs
@@ -89,11 +90,11 @@ class Session:
         self.keep = given["--checkpoint"]
         return self.keep
 
-    def tell_kept(self, found: Study | Sweep, done: str) -> None:
+    def print_kept(self, result: Study | Sweep, done: str) -> None:
         """Print where work is kept, or why it is not, and of interrupted work how much is done."""
-        unkept = found.unkept
+        unkept = result.unkept
         print(f"not kept          {one_line(unkept)}" if unkept else f"kept              {shown(self.keep)}")
-        if found.interrupted:
+        if result.interrupted:
             print(f"interrupted: {done}; run the same command to continue")
 
     def discrete(self, mesh: Mesh | None = None, load_factor: float | None = None) -> DiscreteProblem:

@@ -1,4 +1,4 @@
-"""Whether an energy bends downwards somewhere on the straight way from one place to another.
+"""Energy barriers: negative curvature of an energy on the segment between two displacements.
 
 The energy is a sum over the body and the contact points.  Along the way each point bends as its law does, which is
 looked at between even places and the knots that the point passes: stiff glue softens and lets go between two of the
@@ -12,16 +12,15 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.evolution.discrete import EXACT, SOLVED
 from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.solvers import Solution
 
-__all__ = ["PARTS", "along", "bends_downwards", "second_derivatives", "way_bends_downwards"]
+__all__ = ["PARTS", "along", "bends_downwards", "path_bends_downwards", "second_derivatives"]
 
 #: Even parts of the way in which the energy is looked at.
 PARTS = 70
-#: Rounding of second derivatives, as a part of their sizes, and of penetrations at the end of a law, as a part of them.
-_ROUNDED, _AT_END = 1e-12, 1e-9
 #: Part of the derivatives along the way by which one that falls at once does.
 _DROPS = 1e-6
 #: Contact points that are looked at together.
@@ -30,25 +29,26 @@ _BLOCK = 512
 _NONE = 1e-14
 
 
-def way_bends_downwards(problem: DiscreteProblem, found: Solution, start: Array | None = None) -> bool:
+def path_bends_downwards(problem: DiscreteProblem, solution: Solution, start: Array | None = None) -> bool:
     """Whether the energy bends downwards on the way to a solution, beyond rounding; see :func:`along`."""
-    bends, size = along(problem, found, start)
-    return bool((bends < -_ROUNDED * size).any())
+    bends, size = along(problem, solution, start)
+    return bool((bends < -EXACT * size).any())
 
 
-def along(problem: DiscreteProblem, found: Solution, start: Array | None = None) -> tuple[Array, float]:
+def along(problem: DiscreteProblem, solution: Solution, start: Array | None = None) -> tuple[Array, float]:
     """Second derivatives of the energy on the way from unknowns zero to a solution, and their size.
 
     ``start (m, c)`` are the local displacements at its beginning: other ones than those of unknowns zero where gaps
     move meanwhile. A bound that depends on the state is the one of the solution.
     """
-    way, bulk, law = found.unknowns, problem.bulk, problem.law.frozen(found.local, found.multiplier)
+    increment, bulk, law = solution.unknowns, problem.bulk, problem.law.frozen(solution.local, solution.multiplier)
     if getattr(bulk, "lower", None) is bulk:  # it is linear
-        body = np.full(PARTS, float(way @ bulk.gradient(way)))
+        body = np.full(PARTS, float(increment @ bulk.gradient(increment)))
     else:
-        body = PARTS * np.diff([float(way @ bulk.gradient(part * way)) for part in np.linspace(0.0, 1.0, PARTS + 1)])
+        slopes = [float(increment @ bulk.gradient(part * increment)) for part in np.linspace(0.0, 1.0, PARTS + 1)]
+        body = PARTS * np.diff(slopes)
     start = -problem.offset if start is None else start
-    return second_derivatives(law, problem.contact.weights, start, found.local, body, problem.vectors)
+    return second_derivatives(law, problem.contact.weights, start, solution.local, body, problem.vectors)
 
 
 def bends_downwards(
@@ -56,7 +56,7 @@ def bends_downwards(
 ) -> bool:
     """Whether an energy bends downwards between local displacements (m, c); see :func:`second_derivatives`."""
     bends, size = second_derivatives(law, weights, start, end, body, vectors)
-    return bool((bends < -_ROUNDED * size).any())
+    return bool((bends < -EXACT * size).any())
 
 
 def second_derivatives(
@@ -93,18 +93,18 @@ def _places(law: VectorLaw, start: Array, end: Array, even: Array) -> Array:
 
 def _of_points(law: VectorLaw, weights: Array, start: Array, end: Array, places: Array) -> tuple[Array, bool]:
     """The second derivative (m, k) of each point between places (m, k + 1), and whether the first one drops."""
-    middle, width, way = 0.5 * (places[:, 1:] + places[:, :-1]), np.diff(places, axis=1), end - start
+    middle, width, increment = 0.5 * (places[:, 1:] + places[:, :-1]), np.diff(places, axis=1), end - start
     if not middle.size:
         return np.zeros(middle.shape), False
     if len(start) > _BLOCK:
         blocks = np.array_split(np.arange(len(start)), -(-len(start) // _BLOCK))
-        found = [_of_points(law.take(i), weights[i], start[i], end[i], places[i]) for i in blocks]
-        return np.concatenate([one for one, _ in found]), any(drops for _, drops in found)
+        parts = [_of_points(law.take(i), weights[i], start[i], end[i], places[i]) for i in blocks]
+        return np.concatenate([one for one, _ in parts]), any(drops for _, drops in parts)
     point = np.repeat(np.arange(len(start)), middle.shape[1])
-    along = way[point]
+    along = increment[point]
     r, ends = start[point] + middle.reshape(-1, 1) * along, law.penetrations
     low, high = (np.broadcast_to(side, len(start))[point] for side in (ends.lower, ends.upper))
-    inside, rounding = np.clip(r[:, 0], low, high), _AT_END * max(np.abs(start).max(), np.abs(end).max())
+    inside, rounding = np.clip(r[:, 0], low, high), SOLVED * max(np.abs(start).max(), np.abs(end).max())
     r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
     line = law.take(point).linearise(r)
     bends = weights[:, None] * np.einsum("mi,mij,mj->m", along, line.hessian, along).reshape(middle.shape)

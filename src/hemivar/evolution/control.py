@@ -1,4 +1,4 @@
-"""Steps of a body whose load factor is unknown: what is given is energy that is dissipated, or an opening.
+"""Arc-length control: steps of unknown load factor, by dissipated energy or by an opening that is given.
 
 Where glue lets go the load that a joint carries may have to fall, and displacements with it: a snap-back. No time that
 loads follow leads through it.  Here the loads are those of a time that is an answer, the load factor (Riks 1979;
@@ -32,6 +32,7 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.evolution.discrete import SOLVED
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
@@ -52,28 +53,24 @@ __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_
 DISSIPATION = "dissipation"
 #: Newton's equations of a step at most.
 _ROUNDS = 15
-#: Change of a place, as a part of its size, at which it stands; what it may still be where it falls no more.
+#: Change of a displacement, as a part of its size, at which it stands; what it may still be where it falls no more.
 _STANDS, _STILL = 1e-12, 1e-7
 #: Part of a step by which what is given may be missed where it stands.
 _MET = 1e-6
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
-#: Part of what the largest load stored below which nothing was dissipated.
-_NOTHING = 1e-9
-#: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
-_AHEAD, _MORE = 4.0, 1.0 + 1e-6
+#: How far a step goes beyond where the last one leads, at most.
+_AHEAD = 4.0
 #: By how much the load factor may fall in a step, in units of its length, and how often a step is cut for that.
 _FALLS, _CUTS = 1.1, 4
-#: Part of a step by which its load factor may miss it and be given.
-_SAME = 1e-9
 #: How far pairs are taken outward for a guess.
 _OUTWARD = (1e-6, 1e-3, 1e-2, 5e-2, 0.2)
 #: Parts of the load of a first opening, as if the body were linear, by which its direction is sought.
-_SMALL = 0.1, 1e-2, 1e-3, 1e-4
+_SMALL = tuple(10.0**-k for k in range(1, 5))
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
 _LEAST, _MOST = 0.5, 2.5
-#: Part of what acts by which it may miss a straight line; multiples of the other meet no period of it.
-_BENT, _GOLDEN = 1e-9, 0.5 * (np.sqrt(5.0) - 1.0)
+#: Its multiples, less whole numbers, fill an interval evenly and meet no period of a load.
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 #: Part of the most that glue carried at which it counts as broken.
 _BROKEN = 1e-2
 
@@ -91,13 +88,7 @@ class Control:
 
 
 def control_of(given: object) -> Control | None:
-    """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``.
-
-    Raises
-    ------
-    ProblemError
-        It is none of these.
-    """
+    """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``."""
     if given is None or isinstance(given, Control):
         return given
     if isinstance(given, str) and given == DISSIPATION:
@@ -111,13 +102,7 @@ def control_of(given: object) -> Control | None:
 def refuse_control(
     stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController, jump: SelectionRule
 ) -> None:
-    """Refuse what does not go with a load factor that is unknown.
-
-    Raises
-    ------
-    ProblemError
-        The body resists rates, has heat, or is not linear; the scheme, the steps or the rule of jumps are others.
-    """
+    """Refuse what does not go with a load factor that is unknown: rates, heat, bodies that are not linear."""
     material = stated.problem.material
     why = ""
     if stated.inertia:
@@ -177,7 +162,7 @@ class _FrozenStep:
     start: _Pair
     #: Of balance and held components, by the factor.
     rate: Array  # (m c,)
-    held_rate: Array  # (m, c)
+    fixed_rate: Array  # (m, c)
     #: Components whose secants count.
     secant: BoolArray  # (m, c)
 
@@ -232,9 +217,9 @@ class _FrozenStep:
 
     # ---- Newton's method -----------------------------------------------------------------------------------
 
-    def ahead(self, way: tuple[Array, Array, float], part: float) -> _Pair:
+    def ahead(self, increment: tuple[Array, Array, float], part: float) -> _Pair:
         """What lies a part of a way beyond the start."""
-        slid, pressed, factor = way
+        slid, pressed, factor = increment
         start = self.start
         return _Pair(start.r + part * slid, start.lam + part * pressed, start.factor + part * factor)
 
@@ -247,7 +232,7 @@ class _FrozenStep:
         """The start, and pairs farther outward."""
         return self.start, *map(self.outward, _OUTWARD)
 
-    def way(self, pair: _Pair) -> tuple[Array, Array, float]:
+    def increment(self, pair: _Pair) -> tuple[Array, Array, float]:
         """The way from the start to a pair."""
         return pair.r - self.start.r, pair.lam - self.start.lam, pair.factor - self.start.factor
 
@@ -255,8 +240,8 @@ class _FrozenStep:
         """How far points go where the load factor changes, by the slopes at the start."""
         a, (_, by_r, by_lam, by_factor) = self.equation.stiffness, self.load(change)(self.start)
         on = self.equation.chart.at(a * self.start.r + self.start.lam)
-        found = self._change(on.jacobian, np.zeros(self.system.shape), -1.0, (by_r, by_lam, by_factor))
-        return 0.0 if found is None else _largest(found[0] / a)
+        response = self._change(on.jacobian, np.zeros(self.system.shape), -1.0, (by_r, by_lam, by_factor))
+        return 0.0 if response is None else _largest(response[0] / a)
 
     def solved(self, guess: _Pair, border: _Border) -> _Pair | None:
         """The equilibrium near a guess at which a border is zero; None where Newton's method does not find it."""
@@ -292,10 +277,10 @@ class _FrozenStep:
         stretched, pressed = (system.matrix @ pair.r.ravel()).reshape(system.shape), weights * pair.lam
         load = (system.load + since * self.rate).reshape(system.shape)
         balance = stretched + pressed - load
-        held = weights * self.equation.stiffness
-        place = system.fixed + since * self.held_rate
-        found = np.where(system.active, balance, held * (pair.r - place) + _HELD * pressed)
-        return found, norm(stretched) + norm(pressed) + norm(load) + norm(held * pair.r)
+        stiff = weights * self.equation.stiffness
+        fixed = system.fixed + since * self.fixed_rate
+        left = np.where(system.active, balance, stiff * (pair.r - fixed) + _HELD * pressed)
+        return left, norm(stretched) + norm(pressed) + norm(load) + norm(stiff * pair.r)
 
     def _change(
         self, jacobian: Array, balance: Array, missed: float, by: tuple[Array, Array, float]
@@ -317,7 +302,7 @@ class _FrozenStep:
         inner = np.zeros((m, c, m, c))
         inner[every, :, every, :] = blocks
         matrix[:n, :n] += inner.reshape(n, n)
-        load = np.where(system.active, self.rate.reshape(m, c), weights * a * self.held_rate)
+        load = np.where(system.active, self.rate.reshape(m, c), weights * a * self.fixed_rate)
         matrix[:n, n] = -load.ravel()
         row = np.einsum("mi,mij->mj", by_r, jacobian) + np.einsum("mi,mij->mj", by_lam, rest)
         matrix[n, :n], matrix[n, n] = row.ravel(), by_factor
@@ -325,10 +310,10 @@ class _FrozenStep:
         if not (scale > 0.0).all():
             return None
         try:
-            found = np.linalg.solve(matrix / scale[:, None], -np.append(balance.ravel(), missed) / scale)
+            change = np.linalg.solve(matrix / scale[:, None], -np.append(balance.ravel(), missed) / scale)
         except np.linalg.LinAlgError:
             return None
-        return (found[:n].reshape(m, c), float(found[n])) if np.isfinite(found).all() else None
+        return (change[:n].reshape(m, c), float(change[n])) if np.isfinite(change).all() else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,13 +326,7 @@ class ControlledStepper(TimeStepper):
 
     @classmethod
     def over(cls, stepper: TimeStepper, control: Control, until: float) -> Self:
-        """That of an evolution, whose loads must be straight lines over the time.
-
-        Raises
-        ------
-        ProblemError
-            They are not, nothing grows, or the boundary of an opening is none.
-        """
+        """That of an evolution, whose loads must be straight lines over the time."""
         discrete = stepper.discrete
         made = cls(
             discrete, stepper.scheme, stepper.stages, stepper.operators, stepper.data, control=control,
@@ -391,7 +370,7 @@ class ControlledStepper(TimeStepper):
             part = (factor - low) / reach
             for one, two, there in zip(first, far, self._acting(factor), strict=True):
                 size = max(map(_largest, (one, two, there, part * (two - one))))
-                if _largest(there - one - part * (two - one)) > _BENT * size:
+                if _largest(there - one - part * (two - one)) > SOLVED * size:
                     raise ProblemError(
                         f"control = ... takes t for the load factor, and a load, support or gap bends over t, at t = "
                         f"{factor:.6g} or before; state it as a multiple of t"
@@ -412,7 +391,7 @@ class ControlledStepper(TimeStepper):
     def broken(self, state: TimeState) -> bool:
         """Whether glue has dissipated, and carries next to nothing of the most that it carried."""
         known = self.known(state)
-        lost = state.ledger.memory > _NOTHING * known.pace * known.largest
+        lost = state.ledger.memory > SOLVED * known.pace * known.largest
         return lost and self._carried(state) <= _BROKEN * known.carried
 
     def _carried(self, state: TimeState) -> float:
@@ -470,7 +449,7 @@ class ControlledStepper(TimeStepper):
             step,
             pair.factor - known.factor,
             spent,
-            *frozen.way(pair)[:2],
+            *frozen.increment(pair)[:2],
         )
         return replace(taken, state=replace(taken.state, control=control))
 
@@ -501,8 +480,8 @@ class ControlledStepper(TimeStepper):
             secant[index] = name in before.memory
         secant[:, 1:] &= self.discrete.follows_slip[:, None]
         start = _Pair(before.local.displacement - first.origin, before.multiplier, known.factor)
-        rate, held = (other.load - system.load) / apart, (other.fixed - system.fixed) / apart
-        return _FrozenStep(equation, start, rate, held, secant)
+        rate, fixed_rate = (other.load - system.load) / apart, (other.fixed - system.fixed) / apart
+        return _FrozenStep(equation, start, rate, fixed_rate, secant)
 
     def _straight(self, goal: float, spent: float, lost: float, given: bool) -> bool:
         """Whether what memories dissipated in a step agrees with what is dissipated on a straight way there.
@@ -515,23 +494,23 @@ class ControlledStepper(TimeStepper):
 
     def _pair(self, frozen: _FrozenStep, known: LoadControl, before: TimeState, step: float) -> _Pair | None:
         """The next equilibrium."""
-        way = known.slid, known.pressed, known.moved
-        on = frozen.ahead(way, min(step / known.step, _AHEAD) if known.step else 0.0)
+        increment = known.slid, known.pressed, known.moved
+        on = frozen.ahead(increment, min(step / known.step, _AHEAD) if known.step else 0.0)
         if self.control.opening is not None:
             return self._opening(frozen, on if known.step else None, step, self.control.opening)
         goal = known.pace * step
         if known.spent > 0.0 and not _is_step(known.moved, known.step):
-            found = self._dissipating(frozen, goal, step, way, known.spent)
-            if found is not None and found.factor <= known.factor + step:
-                return found
+            pair = self._dissipating(frozen, goal, step, increment, known.spent)
+            if pair is not None and pair.factor <= known.factor + step:
+                return pair
         load = frozen.load(step)
         loaded = frozen.solved(on, load) or frozen.solved(frozen.start, load)
         if loaded is None:
             return self._dissipating(frozen, goal, step) if known.pace else None
         spent = frozen.spent(loaded)
-        if spent <= _MORE * goal or not known.pace:
+        if spent <= (1.0 + _MET) * goal or not known.pace:
             return loaded
-        return self._dissipating(frozen, goal, step, frozen.way(loaded), spent)
+        return self._dissipating(frozen, goal, step, frozen.increment(loaded), spent)
 
     def _opening(self, frozen: _FrozenStep, on: _Pair | None, step: float, boundary: str) -> _Pair | None:
         """The equilibrium at which a boundary has opened by a step: sought from where the last step leads.
@@ -546,13 +525,13 @@ class ControlledStepper(TimeStepper):
             loaded = next((pair for pair in tried if pair is not None), None)
             if loaded is None:
                 return None
-            way, grown = frozen.way(loaded), frozen.opened(points, loaded)
-            if grown <= _NOTHING * _largest(way[0]):
+            increment, grown = frozen.increment(loaded), frozen.opened(points, loaded)
+            if grown <= SOLVED * _largest(increment[0]):
                 raise ProblemError(
                     f"control = {{'opening': '{boundary}'}} needs loads that open '{boundary}' as t grows, and these "
                     "do not; turn their sign, or name a boundary that opens"
                 )
-            on = frozen.ahead(way, step / grown)
+            on = frozen.ahead(increment, step / grown)
         return next(filter(None, (frozen.solved(guess, border) for guess in (on, *frozen.guesses))), None)
 
     def _dissipating(
@@ -560,21 +539,21 @@ class ControlledStepper(TimeStepper):
         frozen: _FrozenStep,
         goal: float,
         step: float,
-        way: tuple[Array, Array, float] | None = None,
+        increment: tuple[Array, Array, float] | None = None,
         spent: float = 1.0,
     ) -> _Pair | None:
         """The equilibrium at which that is dissipated, or less where the load factor falls by more than the step.
 
         It is sought along a way on which so much was dissipated, and at the start.
         """
-        found = None
+        pair = None
         for _ in range(_CUTS):
-            guesses = [] if way is None else [frozen.ahead(way, min(goal / spent, _AHEAD))]
+            guesses = [] if increment is None else [frozen.ahead(increment, min(goal / spent, _AHEAD))]
             border, guesses = frozen.dissipation(goal), [*guesses, *frozen.guesses[1:]]
-            found = next(filter(None, (frozen.solved(guess, border) for guess in guesses)), None)
-            fall = 0.0 if found is None else frozen.start.factor - found.factor
+            pair = next(filter(None, (frozen.solved(guess, border) for guess in guesses)), None)
+            fall = 0.0 if pair is None else frozen.start.factor - pair.factor
             if fall <= _FALLS * step:
-                return found
+                return pair
             goal *= step / fall
         return None
 
@@ -605,4 +584,4 @@ def _largest(values: Array) -> float:
 
 def _is_step(moved: float, step: float) -> bool:
     """Whether a load factor moved by a whole step."""
-    return abs(moved - step) <= _SAME * step
+    return abs(moved - step) <= SOLVED * step

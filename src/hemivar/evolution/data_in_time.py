@@ -1,4 +1,4 @@
-"""What acts on a body over time, and at which times it jumps."""
+"""What acts on a body over time (loads, supports, gaps, laws), and at which times it has kinks and jumps."""
 
 from __future__ import annotations
 
@@ -11,28 +11,22 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.last_used import Recent
 from hemivar.basics.types import Array
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import EXACT, KEPT, DiscreteEvolution, ExternalData
 from hemivar.formula import Formula
 
 __all__ = ["ChangedData", "DataInTime", "StatedData", "kinks_in_time"]
 
-#: Kinks that are one up to rounding, as a part of the whole time.
-_SAME = 1e-12
 #: Kinks of one formula that are met, at most.
 _MOST = 500
 #: How deep formulas are looked for in a statement.
 _DEEP = 12
-#: Times whose loads are kept.
-_TIMES = 8
-#: Times at which data may jump that are kept.
-_SIDES = 64
 #: Part of the size of what is added up that is rounding.
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 
 def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[float, ...], tuple[str, ...]]:
     """Times between start and end at which a formula of a statement has a kink, and sentences on what is not known."""
-    found: list[float] = []
+    kinks: list[float] = []
     doubts: list[str] = []
     for formula in dict.fromkeys(_formulas(statement, 0)):
         if "t" not in formula.variables:
@@ -45,15 +39,15 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
                 f"that matter as stops"
             )
             continue
-        found += times.tolist()
+        kinks += times.tolist()
         if not sure:
             doubts.append(
                 f"the kinks in time of the formula '{formula.text}' could not all be found; name those that matter as "
                 "stops"
             )
     kept: list[float] = []
-    for time in sorted(found):
-        if not kept or time - kept[-1] > _SAME * max(abs(start), abs(until)):
+    for time in sorted(kinks):
+        if not kept or time - kept[-1] > EXACT * max(abs(start), abs(until)):
             kept.append(time)
     return tuple(kept), tuple(doubts)
 
@@ -110,8 +104,8 @@ class StatedData(DataInTime):
     discrete: DiscreteEvolution
     #: Times at which what acts may jump, and how near to them it is looked at.
     stops: Mapping[float, float] = field(default_factory=dict)
-    _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(_TIMES), repr=False)
-    _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(_SIDES), repr=False)
+    _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(KEPT), repr=False)
+    _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(KEPT), repr=False)
 
     @cached_property
     def _steady(self) -> bool:

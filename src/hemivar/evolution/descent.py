@@ -1,4 +1,4 @@
-"""Downhill from a place without a leap over a barrier."""
+"""Gradient flow in the energy norm: from a displacement down to a minimiser, without a leap over a barrier."""
 
 from __future__ import annotations
 
@@ -27,11 +27,14 @@ from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
+    "AWAY",
+    "FLOW_STEPS",
+    "LARGEST",
     "TIGHT",
     "DescentSolver",
     "Slowed",
     "bottom",
-    "downhill",
+    "gradient_flow",
     "regularising_viscosity",
     "slowed",
 ]
@@ -39,10 +42,11 @@ __all__ = [
 #: Least resistance to a jump in units of the stiffness.
 _LEAST = 0.05
 #: Steps of a jump at most.
-_FLOW_STEPS = 2000
+FLOW_STEPS = 2000
 #: Components of contact points up to which the graph of the law is laid out: every step on it is a dense solve.
-_LARGEST = 1500
-#: Rounding of a place on a segment, as a part of a typical displacement.
+LARGEST = 1500
+#: Rounding of a point on a segment, as a part of a typical displacement, and of the solution of Newton's equation on
+#: pieces of laws, as one of the load: a thousand operations, each exact to 1.1e-16.
 _ROUNDING = 1e-13
 #: Tolerance of the steps of a jump as a part of that of the whole.
 TIGHT = 1e-3
@@ -51,9 +55,7 @@ _ONWARD = 0.01
 #: Part of the largest motion below which a point at a kink of its law rests there.
 _RESTS = 1e-9
 #: Sizes of the body from its place at which nothing holds one that still falls.
-_AWAY = 100.0
-#: Of the solution of Newton's equation on the pieces of the laws, in terms of the load.
-_EXACT = 1e-13
+AWAY = 100.0
 
 
 class _Backoff:
@@ -142,12 +144,12 @@ def bottom(
     system = workspace.condensed(problem)
     if not chain.stable(theta, segment):
         return None
-    found = chain.correct(theta, segment, system.load[system.free])
-    if found is None or not chain.inside(found, segment, _ROUNDING * chain.length).all():
+    minimiser = chain.correct(theta, segment, system.load[system.free])
+    if minimiser is None or not chain.inside(minimiser, segment, _ROUNDING * chain.length).all():
         return None
-    if not chain.stable(found, segment):
+    if not chain.stable(minimiser, segment):
         return None
-    r, lam = chain.local(found, segment)
+    r, lam = chain.local(minimiser, segment)
     u, residuals = system.recover(r, lam)
     if not residuals[0].below(controls.atol, controls.rtol):
         return None
@@ -169,9 +171,9 @@ class DescentSolver:
 
     def solved(self, problem: DiscreteProblem, u: Array, controls: Controls) -> Solution:
         """The solution of a problem from u (n,)."""
-        found = solve(problem, self.solver, controls, initial=u, workspace=self.workspace)
-        check_interrupt(found.status)
-        return found
+        solution = solve(problem, self.solver, controls, initial=u, workspace=self.workspace)
+        check_interrupt(solution.status)
+        return solution
 
     def on_levels(self, problem: DiscreteProblem) -> Body | None:
         """The body of a problem as multigrid has it; None where it treats it not."""
@@ -180,7 +182,7 @@ class DescentSolver:
         return self.multigrid.prepare(problem, self.workspace)
 
 
-def downhill(
+def gradient_flow(
     problem: DiscreteProblem,
     slowed: Slowed,
     u: Array,
@@ -195,23 +197,23 @@ def downhill(
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
     looks, solved = _Backoff(), u
-    for _ in range(_FLOW_STEPS):
+    for _ in range(FLOW_STEPS):
         start, before, here = u, problem.local(u), load + slowed.drag(body, u)
         solution = by.solved(slow.under(here), u, tight)
         u = solution.unknowns
         # What a leap onward leaves out of balance inside the body is no part of the way of a body with free motions.
-        way, solved = u - (start if slowed.contact is None else solved), u
+        increment, solved = u - (start if slowed.contact is None else solved), u
         off = residual(problem, u, solution.multiplier)
         if off.below(controls.atol, controls.rtol) and solution.status not in STOPPED:
             return replace(solution, problem=problem, residual=off, status=Status.CONVERGED)
         if not _leads_on(solution, controls):
             return replace(solution, problem=problem, residual=off)
-        if slowed.contact is not None and _endless(problem, u, way):
+        if slowed.contact is not None and _endless(problem, u, increment):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
         known = dependent or not problem.law.splits or problem.contact.components > 2
         if chain is None and not known and by.workspace.condenses(slow):
             system = by.workspace.condensed(problem)
-            chain = chain_of(system) if system.free.size <= _LARGEST else None
+            chain = chain_of(system) if system.free.size <= LARGEST else None
         if chain is not None:
             theta, segment = chain.nearest(solution.local, solution.multiplier)
             if last is not None and np.array_equal(segment, last):
@@ -219,7 +221,7 @@ def downhill(
                 if there is not None:
                     return there
             last = segment
-            u = _onward(problem, u, way)
+            u = _onward(problem, u, increment)
             continue
         after = problem.local(u)
         law = problem.law.frozen(after, solution.multiplier)
@@ -227,16 +229,16 @@ def downhill(
         softens, leaves = vectors.largest(float(bent), float(_leaves(law, before, after))).tolist()
         if softens and not dependent:
             if looks.due(not leaves):
-                found = _on_pieces(problem, u, by, controls)
-                if found is not None:
-                    return found
+                minimiser = _on_pieces(problem, u, by, controls)
+                if minimiser is not None:
+                    return minimiser
         elif looks.due(not leaves) if dependent else not leaves:
             # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
             there = by.solved(problem, u, controls)
             stays = not vectors.largest(float(_leaves(law, after, there.local)))[0]
             if _leads_on(there, controls) and stays:
                 return there
-        u = _onward(problem, u, way)
+        u = _onward(problem, u, increment)
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
 
 
@@ -252,27 +254,27 @@ def _leads_on(solution: Solution, controls: Controls) -> bool:
     return solution.status not in STOPPED and solution.residual.below(controls.atol, controls.rtol)
 
 
-def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[float], bool], float] | None:
+def _further(problem: DiscreteProblem, u: Array, increment: Array) -> tuple[Callable[[float], bool], float] | None:
     """Whether the energy goes on to fall so many times the last step further, on the same pieces of all laws; and the
     steps that are a small part of where the body is. None where contact points do not move, or leave their kinks."""
     r, bulk, vectors = problem.local(u), problem.bulk, problem.vectors
-    slip = r - problem.local(u - way)
+    slip = r - problem.local(u - increment)
     size, far = vectors.largest(float(np.abs(slip).max(initial=0.0)), float(np.abs(r).max(initial=0.0))).tolist()
-    held = ~problem.law.linearise(r).smooth
-    held = np.column_stack([held[:, :1], np.repeat(held[:, 1:], slip.shape[1] - 1, axis=1)])
-    moves = float(np.abs(slip[held]).max(initial=0.0))
+    at_kink = ~problem.law.linearise(r).smooth
+    at_kink = np.column_stack([at_kink[:, :1], np.repeat(at_kink[:, 1:], slip.shape[1] - 1, axis=1)])
+    moves = float(np.abs(slip[at_kink]).max(initial=0.0))
     if not size > 0.0 or vectors.largest(moves)[0] > _RESTS * size:
         return None
-    slip = np.where(held, 0.0, slip)
+    slip = np.where(at_kink, 0.0, slip)
     linear = not isinstance(bulk, Potential)
-    pull = -float(way @ problem.out_of_balance(u))
-    bend = float(way @ bulk.gradient(way)) if linear else 0.0
+    pull = -float(increment @ problem.out_of_balance(u))
+    bend = float(increment @ bulk.gradient(increment)) if linear else 0.0
     weights = problem.contact.weights[:, None]
 
     def against(times: float) -> float:
         if linear:
             return pull + times * bend
-        return -float(way @ problem.out_of_balance(u + times * way))
+        return -float(increment @ problem.out_of_balance(u + times * increment))
 
     def falls(times: float) -> bool:
         there = r + times * slip
@@ -284,38 +286,38 @@ def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[
     return falls, _ONWARD * far / size
 
 
-def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
+def _onward(problem: DiscreteProblem, u: Array, increment: Array) -> Array:
     """Further along the last step, where steps crawl, as they do beside the end of a path of equilibria (n,).
 
     As far as the energy goes on to fall, on the same pieces of all laws, so that no barrier is crossed.
     """
     dependent = problem.vectors.largest(float(problem.law.state_dependent))[0]
-    further = None if dependent else _further(problem, u, way)
+    further = None if dependent else _further(problem, u, increment)
     if further is None:
         return u
     (falls, most), times = further, 0.0
     while max(2.0 * times, 1.0) <= most and falls(max(2.0 * times, 1.0)):
         times = max(2.0 * times, 1.0)
-    return u + times * way
+    return u + times * increment
 
 
-def _endless(problem: DiscreteProblem, u: Array, way: Array) -> bool:
+def _endless(problem: DiscreteProblem, u: Array, increment: Array) -> bool:
     """Whether the energy still falls where the last step leads on to, many times the size of the body away, on the same
     pieces of all laws."""
-    further = None if problem.law.state_dependent or problem.field is None else _further(problem, u, way)
+    further = None if problem.law.state_dependent or problem.field is None else _further(problem, u, increment)
     if further is None or problem.field is None:
         return False
-    step = float(np.abs(problem.contact.trace @ way).max(initial=0.0))
-    return step > 0.0 and further[0](_AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
+    step = float(np.abs(problem.contact.trace @ increment).max(initial=0.0))
+    return step > 0.0 and further[0](AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
 
 
 def _on_pieces(problem: DiscreteProblem, u: Array, by: DescentSolver, controls: Controls) -> Solution | None:
     """The bottom of the pieces on which a place lies, where laws that soften leave the body stable there."""
     method, body = by.multigrid, by.on_levels(problem)
-    found = None if body is None else _minimiser_on_pieces(method, body, u, controls)
-    if found is None:
+    minimiser = None if body is None else _minimiser_on_pieces(method, body, u, controls)
+    if minimiser is None:
         return None
-    x, multiplier, off = found
+    x, multiplier, off = minimiser
     return Solution(problem, x, multiplier, Status.CONVERGED, off, method.name, 1)
 
 
@@ -326,7 +328,7 @@ def _minimiser_on_pieces(
 
     ``u`` is (n,).
     """
-    x = replace(method, tolerance=_EXACT).on_pieces(body, u)
+    x = replace(method, tolerance=_ROUNDING).on_pieces(body, u)
     if x is None:
         return None
     x, multiplier, off, status = finish(body, State(x, body.multiplier(x)), Status.INACCURATE, controls)

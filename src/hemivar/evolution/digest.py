@@ -38,10 +38,10 @@ def differences(one: str, other: str) -> str:
     parts, others = one.split("|"), other.split("|")
     if not len(parts) == len(others) == len(_PARTS):
         return "evolution, scheme, method or version"
-    found = [name for name, mine, yours in zip(_PARTS, parts, others, strict=True) if mine != yours]
-    if "evolution" in found and found[-1] == _PARTS[-1]:  # whose loads are others anyway
-        found.pop()
-    return found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
+    different = [name for name, mine, yours in zip(_PARTS, parts, others, strict=True) if mine != yours]
+    if "evolution" in different and different[-1] == _PARTS[-1]:  # whose loads are others anyway
+        different.pop()
+    return different[0] if len(different) == 1 else f"{', '.join(different[:-1])} and {different[-1]}"
 
 
 def _digest(*values: object) -> str:
@@ -51,30 +51,30 @@ def _digest(*values: object) -> str:
 def _evolution(stepper: TimeStepper) -> str:
     """The digest of what is computed, as it is stated."""
     discrete = stepper.discrete
-    found: list[object] = []
+    content: list[object] = []
     for operator in (discrete.stiffness, discrete.viscosity, discrete.mass):
-        found.append(None if operator is None else operator.numbers)
-    found.append([(period, part.numbers) for period, part in discrete.branches])
+        content.append(None if operator is None else operator.numbers)
+    content.append([(period, part.numbers) for period, part in discrete.branches])
     contact = discrete.problem.contact
-    found += [contact.trace.indptr, contact.trace.indices, contact.trace.data, contact.weights]
+    content += [contact.trace.indptr, contact.trace.indices, contact.trace.data, contact.weights]
     evolution = discrete.evolution
-    found.append(evolution)
+    content.append(evolution)
     for name in ("displacement", "velocity"):
-        found.append(evolution.initial(name))
+        content.append(evolution.initial(name))
     if stepper.beside is not None:
-        found.append(identity(stepper.beside))
-    return _digest(*found)
+        content.append(identity(stepper.beside))
+    return _digest(*content)
 
 
 def _within_the_first_step(stepper: TimeStepper, *options: object) -> list[object]:
     """Loads and laws at times within the first step."""
-    found: list[object] = []
+    values: list[object] = []
     for time in _looked_at(stepper.discrete.evolution.start, *options):
         acting = stepper.data.at(time)
-        found += [acting.load, acting.prescribed, acting.offset]
+        values += [acting.load, acting.prescribed, acting.offset]
         if stepper.discrete.problem.contact.count:
-            found += _law_at(acting.law, acting.offset)
-    return found
+            values += _law_at(acting.law, acting.offset)
+    return values
 
 
 def _looked_at(start: float, *options: object) -> list[float]:
@@ -87,11 +87,11 @@ def _looked_at(start: float, *options: object) -> list[float]:
 def _law_at(law: VectorLaw, offset: Array) -> tuple[Array, ...]:
     """Values of a law at penetrations and slips of many sizes."""
     size = max(float(np.abs(offset).max(initial=0.0)), 1.0)
-    found = []
+    values = []
     for factor in 10.0 ** np.arange(-6.0, 2.0):
         r = np.full(offset.shape, factor * size)
         for sign in (1.0, -1.0):
             r[:, 0] = sign * factor * size
             with np.errstate(all="ignore"):
-                found.append(np.nan_to_num(law.frozen(r, np.abs(r)).value(r)))
-    return tuple(found)
+                values.append(np.nan_to_num(law.frozen(r, np.abs(r)).value(r)))
+    return tuple(values)

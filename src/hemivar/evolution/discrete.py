@@ -1,4 +1,4 @@
-"""An evolution over a mesh: its matrices, what acts on it at a time, and the body of a stage."""
+"""Semi-discrete evolution: stiffness, viscosity and mass over a mesh, what acts at a time, the body of a stage."""
 
 from __future__ import annotations
 
@@ -40,6 +40,9 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
 __all__ = [
+    "EXACT",
+    "KEPT",
+    "SOLVED",
     "DiscreteEvolution",
     "DiscreteHeat",
     "ExternalData",
@@ -49,10 +52,12 @@ __all__ = [
     "refuse_unmeasured",
 ]
 
-#: Matrices of different steps that are kept.
-_KEPT = 6
-#: Viscosity below this part of its largest one resists nothing.
-_NONE = 1e-12
+#: Matrices, operators and loads of different steps that are kept; what is forgotten is computed again, to the last bit.
+KEPT = 8
+#: Part of a size below which what was solved for or summed over a mesh tells nothing: the default tolerance of a solve.
+SOLVED = 1e-9
+#: Part of a size that is rounding of stated numbers and of what few operations make of them, each exact to 1.1e-16.
+EXACT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +101,9 @@ class DiscreteHeat(PickleMixin):
         """Force (n + k,) of nodal temperatures (nodes,)."""
         return np.asarray(self.pull @ (temperature - self.heat.stress_free))
 
-    def temperature(self, place: Array) -> Array:
+    def temperature(self, unknowns: Array) -> Array:
         """Nodal temperatures (nodes,) of unknowns and prescribed temperatures."""
-        return self.conduction.full(place)[:, 0]
+        return self.conduction.full(unknowns)[:, 0]
 
     def rubbed(self, heat: Array) -> Array:
         """Nodal heat (nodes,) of heat that friction makes at the contact points of the body (m,)."""
@@ -213,20 +218,20 @@ class DiscreteEvolution(PickleMixin):
         return int(self.vectors.total(own)[0])
 
     def _whether(self, chosen: Callable[[VectorLaw], bool]) -> BoolArray:
-        found = np.zeros(self.problem.contact_points, dtype=bool)
+        mask = np.zeros(self.problem.contact_points, dtype=bool)
         for name, index in self.blocks:
             contact = self.contacts[name]
-            found[index] = MemoryChain(contact.remembers).couples or chosen(contact.law)
-        return found
+            mask[index] = MemoryChain(contact.remembers).couples or chosen(contact.law)
+        return mask
 
     def counted(self, local: Array, before: Array, index: IntArray | slice = slice(None)) -> Array:
         """Local displacements (m, c) as laws of a step from ``before (m, c)`` count them, at some contact points.
 
         That is the penetration, and the slip: the whole one, or of laws of the slip rate the increment.
         """
-        found = local[index].copy()
-        found[:, 1:] -= np.where(self.follows_slip[index, None], 0.0, before[index, 1:])
-        return found
+        r = local[index].copy()
+        r[:, 1:] -= np.where(self.follows_slip[index, None], 0.0, before[index, 1:])
+        return r
 
     @property
     def contacts(self) -> Mapping[str, Contact]:
@@ -249,14 +254,14 @@ class DiscreteEvolution(PickleMixin):
         sizes = np.asarray(np.linalg.eigvalsh(tensor), dtype=float)
         most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
         largest, small = self.vectors.largest(most, -least).tolist()
-        return bool(-small > _NONE * largest)
+        return bool(-small > EXACT * largest)
 
     @property
     def field(self) -> Field:
         """The displacement."""
-        found = self.problem.field
-        assert found is not None
-        return found
+        field = self.problem.field
+        assert field is not None
+        return field
 
     @cached_property
     def damping_time(self) -> float | None:
@@ -305,8 +310,8 @@ class DiscreteEvolution(PickleMixin):
         if not stated.time_dependent & {"supports", "gap", "law"}:
             return ExternalData(load, *self._as_stated, self.problem.law, dampings(bound.contact))
         conditions = nodal_conditions(bound)
-        _, offset, found, _ = conditions.contact()
-        return ExternalData(load, conditions.prescribed[self.moved], offset, found, dampings(bound.contact))
+        _, offset, law, _ = conditions.contact()
+        return ExternalData(load, conditions.prescribed[self.moved], offset, law, dampings(bound.contact))
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,8 +348,8 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
         return FormEvolution(evolution, problem, family, blocks, stated=forms, dofs=dofs)
     stated = forms.at_time(evolution.start)
     # What stores heat holds a temperature within a step.
-    held = not (evolution.inertia or stated.material.capacity is not None)
-    problem = discretize(stated, check_coercivity=held, evolving=True)
+    static = not (evolution.inertia or stated.material.capacity is not None)
+    problem = discretize(stated, check_coercivity=static, evolving=True)
     family = family_of(problem, evolution.inertia)
     if family.mass is not None and evolution.mass is Mass.REDISTRIBUTED:
         family = replace(family, mass=_redistributed(family.mass, problem, family.moved))
@@ -456,7 +461,7 @@ class StepMatrices:
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self.discrete = discrete
         self._slow: tuple[Model, float, Model] | None = None
-        self._made: Recent[tuple[float, ...], DiscreteProblem] = Recent(_KEPT)
+        self._made: Recent[tuple[float, ...], DiscreteProblem] = Recent(KEPT)
         self._tried: Model | None = None
 
     def body(self, viscous: float, inert: float, *branches: float, keep: bool = True) -> DiscreteProblem:
@@ -506,12 +511,12 @@ class StepMatrices:
         return known[2]
 
     def stage_problem(
-        self, base: DiscreteProblem, load: Array, offset: Array, law: VectorLaw, place: Array
+        self, base: DiscreteProblem, load: Array, offset: Array, law: VectorLaw, displacement: Array
     ) -> DiscreteProblem:
         """One of the bodies under a load (n,), with other offsets (m, c) and another law.
 
         Load and offset are read-only from now on.  A body that is not linear has its energy from a displacement
-        ``place`` (n + k,) on, in which it is at unknowns zero.
+        ``displacement`` (n + k,) on, in which it is at unknowns zero.
         """
         load.flags.writeable = offset.flags.writeable = False
         first = self._tried is not base.model  # the first law is tried out; others of the same points follow it
@@ -519,9 +524,9 @@ class StepMatrices:
         model = base.model
         if isinstance(model.bulk, Potential):
             assert isinstance(model.parts, Composition)
-            model = replace(model.parts, place=self.discrete.full(place)).model(model.resisted)
-        found = base.fitted(model, Loading(load, offset, law))
-        return replace(found) if first else found
+            model = replace(model.parts, place=self.discrete.full(displacement)).model(model.resisted)
+        problem = base.fitted(model, Loading(load, offset, law))
+        return replace(problem) if first else problem
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete

@@ -1,4 +1,4 @@
-"""The heat of a body over its mesh: how it is coupled with the motion."""
+"""Thermomechanical coupling over a mesh: thermal stress, heat of friction, conductance of contact points."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.thermal_stress import thermal_matrix
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
+from hemivar.mesh.boundary_rule import boundary_rule
 
 __all__ = ["coupling"]
 
@@ -37,7 +38,7 @@ def _entering(stated: ContactProblem, heat: Heat, contact: ContactPoints) -> sp.
     and the others of the point take what is missing.
     """
     mesh, order = stated.mesh, stated.order
-    found = sp.csr_array((contact.count, len(mesh.nodes(order))))
+    entering = sp.csr_array((contact.count, len(mesh.nodes(order))))
     for name, one in heat.contact.items():
         if name not in contact.names:
             continue
@@ -50,12 +51,12 @@ def _entering(stated: ContactProblem, heat: Heat, contact: ContactPoints) -> sp.
         for side in sides if len(sides) > 1 else ():
             part = share if side == name else 1.0 - share
             inside = np.zeros(rows.shape[1])
-            inside[np.unique(mesh.facet_nodes(mesh.boundaries[side], order))] = 1.0
-            found = found + part * _shared_out(sp.csr_array(rows @ sp.diags_array(inside)))
+            inside[np.unique(boundary_rule(mesh, side, order).nodes)] = 1.0
+            entering = entering + part * _shared_out(sp.csr_array(rows @ sp.diags_array(inside)))
         if len(sides) == 1:
-            found = found + share * rows
-    found.eliminate_zeros()
-    return sp.csr_array(found.T)
+            entering = entering + share * rows
+    entering.eliminate_zeros()
+    return sp.csr_array(entering.T)
 
 
 def _shared_out(rows: sp.csr_array) -> sp.csr_array:
@@ -69,14 +70,14 @@ def _partners(heat: Heat, contact: ContactPoints, exchanged: ContactPoints) -> I
 
     That at the same node, of the same boundary if there is one; of two bodies none of another boundary.
     """
-    place = np.full(int(max(contact.node.max(initial=-1), exchanged.node.max(initial=-1))) + 1, -1)
-    place[contact.node] = np.arange(contact.count)
-    partner = place[exchanged.node]
+    point_at = np.full(int(max(contact.node.max(initial=-1), exchanged.node.max(initial=-1))) + 1, -1)
+    point_at[contact.node] = np.arange(contact.count)
+    partner = point_at[exchanged.node]
     for name, one in heat.contact.items():
         if not (one.depends_on_state and name in contact.names):
             continue
         index, own = exchanged.on(name), contact.on(name)
-        here = np.full(place.size, -1) if name in contact.pairs else place.copy()
+        here = np.full(point_at.size, -1) if name in contact.pairs else point_at.copy()
         here[contact.node[own]] = own
         partner[index] = here[exchanged.node[index]]
         alone = index[partner[index] < 0]

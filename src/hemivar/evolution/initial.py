@@ -1,4 +1,4 @@
-"""Initial state: displacement, velocity and the acceleration that all forces make."""
+"""Consistent initial values: displacement, velocity, the acceleration of all forces, impulses of supports."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import ExternalData
+from hemivar.evolution.discrete import EXACT, SOLVED, ExternalData
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.stage import stiffness_force
@@ -21,14 +21,18 @@ from hemivar.laws.vector_law import lengths
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers import Status
 
-__all__ = ["Kinked", "accelerated", "apply_impulse", "initial_state", "prescribed_rates", "velocity_discontinuity"]
+__all__ = [
+    "AT_ONCE",
+    "Kinked",
+    "accelerated",
+    "apply_impulse",
+    "initial_state",
+    "prescribed_rates",
+    "velocity_discontinuity",
+]
 
-#: Part of the velocities that is no blow, but rounding.
-_NO_BLOW = 1e-9
 #: Part of a blow that conjugate gradients leave, and their steps at most.
 _LEFT, _BLOW_STEPS = 1e-11, 500
-#: Part of the velocities by which a body may miss the rate of a foundation that holds it.
-_MISSED_RATE = 1e-6
 #: Part of the next step over which paths are looked at.
 _NEAR = 1e-2
 #: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
@@ -43,10 +47,10 @@ _ROUNDED = 64.0 * float(np.finfo(float).eps)
 Moving = tuple[Kinematics, Kinematics]
 #: Which of them go on, at another speed or not; the others jump.
 Kinked = tuple[BoolArray, BoolArray]
-#: Part of the first step in which nothing but rates is felt.
-_AT_ONCE = 1e-8
-#: Part of the velocity of the body that is slip, and not rounding; and of displacements that is a gap.
-_SLIPS, _TOUCHES = 1e-6, 1e-12
+#: Part of a step in which a body yields at once: what is viscous does this part of what it does in the step.
+AT_ONCE = 1e-8
+#: Part of the velocities that is slip, or misses the rate of a foundation that holds the body, and is not rounding.
+_SLIPS = 1e-6
 #: Part of the first step that tells what holds the body at the start: short, and long enough for rounding.
 _BRIEF = 1e-3
 
@@ -58,7 +62,7 @@ def prescribed_rates(stepper: TimeStepper, time: float, step: float | None) -> M
     """
     if step is None or not _moves(stepper):
         now = stepper.data.at(time)
-        return _still(now.prescribed), _still(now.offset)
+        return Kinematics.at_rest(now.prescribed), Kinematics.at_rest(now.offset)
     prescribed, offset = (path.rates()[0] for path in _paths(stepper, time, _NEAR * step))
     return prescribed, offset
 
@@ -96,24 +100,24 @@ def _moves(stepper: TimeStepper) -> bool:
 class _Path:
     """Where something is now, and where after half a span, one and two of them, which may be negative."""
 
-    place: Array
+    now: Array
     soon: tuple[Array, ...]
     span: float
 
     @property
     def farthest(self) -> float:
         """The largest of all these places."""
-        return max(float(np.abs(place).max(initial=0.0)) for place in (self.place, *self.soon))
+        return max(float(np.abs(position).max(initial=0.0)) for position in (self.now, *self.soon))
 
     def rates(self) -> tuple[Kinematics, BoolArray]:
         """Its motion now, and where it has one: a place that jumps has no rate."""
-        half, one, two = (there - self.place for there in self.soon)
+        half, one, two = (there - self.now for there in self.soon)
         velocity = (4.0 * one - two) / (2.0 * self.span)
         acceleration = (8.0 * (one - 2.0 * half) - (two - 2.0 * one)) / self.span**2
         # A path may set out at rest, so that its rate is nothing but rounding.
         bends = _BENDS * abs(self.span) * np.abs(acceleration)
         smooth = np.abs((4.0 * half - one) / self.span) <= _JUMPS * np.abs(velocity) + bends
-        return Kinematics(self.place, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0)), smooth
+        return Kinematics(self.now, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0)), smooth
 
 
 def _paths(stepper: TimeStepper, time: float, span: float) -> tuple[_Path, _Path]:
@@ -126,10 +130,6 @@ def _paths(stepper: TimeStepper, time: float, span: float) -> tuple[_Path, _Path
     )
 
 
-def _still(place: Array) -> Kinematics:
-    return Kinematics(place, np.zeros_like(place), np.zeros_like(place))
-
-
 def initial_state(stepper: TimeStepper, step: float | None = None) -> TimeState:
     """Displacement and velocity as stated, the acceleration that the forces ask for, nothing remembered yet.
 
@@ -138,8 +138,8 @@ def initial_state(stepper: TimeStepper, step: float | None = None) -> TimeState:
     discrete, evolution = stepper.discrete, stepper.discrete.evolution
     acting = stepper.data.at(evolution.start)
     stated = evolution.initial("displacement")
-    place = discrete.restrict(stated, acting.prescribed)
-    off = np.abs(discrete.full(place) - stated).max(initial=0.0)
+    displacement = discrete.restrict(stated, acting.prescribed)
+    off = np.abs(discrete.full(displacement) - stated).max(initial=0.0)
     size, off, far = discrete.vectors.largest(
         float(np.abs(stated).max(initial=0.0)), float(off), float(np.abs(acting.offset).max(initial=0.0))
     )
@@ -151,7 +151,7 @@ def initial_state(stepper: TimeStepper, step: float | None = None) -> TimeState:
     velocity = discrete.restrict(speed, moving[0].velocity)
     contact = discrete.problem.contact
     n = discrete.unknowns
-    local = np.asarray(contact.trace @ place[:n]).reshape(acting.offset.shape) - acting.offset
+    local = np.asarray(contact.trace @ displacement[:n]).reshape(acting.offset.shape) - acting.offset
     rate = np.asarray(contact.trace @ velocity[:n]).reshape(acting.offset.shape) - moving[1].velocity
     ends = acting.law.penetrations
     deep = np.maximum(np.maximum(ends.lower - local[:, 0], local[:, 0] - ends.upper), 0.0)
@@ -162,22 +162,22 @@ def initial_state(stepper: TimeStepper, step: float | None = None) -> TimeState:
             f"at the start {which} is {deepest:.3g} beyond what its law allows; change the initial displacement or the "
             "gap"
         )
-    still = np.zeros_like(place)
+    still = np.zeros_like(displacement)
     state = TimeState(
         evolution.start,
         0,
-        Kinematics(place, velocity, still),
+        Kinematics(displacement, velocity, still),
         Kinematics(local, rate, np.zeros_like(local)),
         np.zeros(local.shape),
-        tuple(np.zeros_like(place) for _ in discrete.branches),
+        tuple(np.zeros_like(displacement) for _ in discrete.branches),
         initial_memory(discrete, acting.law, local),
     )
-    law = _law_of_rates(stepper, state, acting, _AT_ONCE * (1.0 if step is None else step))
+    law = _law_of_rates(stepper, state, acting, AT_ONCE * (1.0 if step is None else step))
     state = replace(state, multiplier=_least(law, discrete.counted(local, local)))
     if discrete.mass is not None:
         state = accelerated(stepper, state, stepper.data.after(evolution.start), moving, step)
-    found = energies(discrete, state, law)
-    return stepper.initialise(replace(state, ledger=EnergyBalance(start=sum(found.values()), **found)))
+    stored = energies(discrete, state, law)
+    return stepper.initialise(replace(state, ledger=EnergyBalance(start=sum(stored.values()), **stored)))
 
 
 def accelerated(
@@ -189,9 +189,9 @@ def accelerated(
 ) -> TimeState:
     """A state with the acceleration that all forces make of where the body is and of how fast."""
     contact, n, first = stepper.discrete.problem.contact, stepper.discrete.unknowns, 1.0 if step is None else step
-    law = _law_of_rates(stepper, state, acting, _AT_ONCE * first)
-    place = state.local.displacement
-    sought = replace(state, multiplier=_least(law, stepper.discrete.counted(place, place)))
+    law = _law_of_rates(stepper, state, acting, AT_ONCE * first)
+    r = state.local.displacement
+    sought = replace(state, multiplier=_least(law, stepper.discrete.counted(r, r)))
     pressed = replace(sought, multiplier=_pressed(stepper, sought, acting, moving, law, first))
     acceleration = _acceleration(stepper, pressed, acting.load, moving[0].acceleration)
     pushed = (
@@ -213,8 +213,8 @@ def _law_of_rates(stepper: TimeStepper, state: TimeState, acting: ExternalData, 
 
 def _soon(stepper: TimeStepper, state: TimeState, span: float) -> Array:
     """Penetration (m, c) at the start, and slip a short time after it, as the law of a step counts them."""
-    place = state.local.displacement
-    guess = stepper.discrete.counted(place, place)
+    r = state.local.displacement
+    guess = stepper.discrete.counted(r, r)
     guess[:, 1:] += span * state.local.velocity[:, 1:]
     return guess
 
@@ -249,18 +249,18 @@ def _pressed(
     rests on something rigid, it is that of a very short step of implicit Euler, unless the body is thrown
     against an obstacle, which answers by an impulse.
     """
-    vectors, place, rate = stepper.discrete.vectors, state.local.displacement, state.local.velocity
+    vectors, r, rate = stepper.discrete.vectors, state.local.displacement, state.local.velocity
     fast, far = vectors.largest(
         max(float(np.abs(velocity).max(initial=0.0)) for velocity in (state.body.velocity, rate)),
-        max(float(np.abs(here).max(initial=0.0)) for here in (state.body.displacement, place)),
+        max(float(np.abs(here).max(initial=0.0)) for here in (state.body.displacement, r)),
     ).tolist()
-    lam, held = _rubbed(stepper, state, law, _SLIPS * fast, _AT_ONCE * step)
+    lam, undetermined = _rubbed(stepper, state, law, _SLIPS * fast, AT_ONCE * step)
     # Where a support or another boundary has the component already, nothing is held.
-    held &= np.diff(stepper.discrete.problem.contact.trace.indptr).reshape(held.shape) > 0
-    ends, near = acting.law.penetrations, _TOUCHES * far
-    down = (place[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
-    up = (place[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
-    holds, thrown = vectors.largest(float(held.any()), float((down | up).any())).tolist()
+    undetermined &= np.diff(stepper.discrete.problem.contact.trace.indptr).reshape(undetermined.shape) > 0
+    ends, near = acting.law.penetrations, EXACT * far
+    down = (r[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
+    up = (r[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
+    holds, thrown = vectors.largest(float(undetermined.any()), float((down | up).any())).tolist()
     if not holds or thrown or not stepper.scheme.uses_initial_acceleration(step):
         return lam
     span, soon = _BRIEF * step, acting
@@ -268,8 +268,8 @@ def _pressed(
         # Where implicit Euler finds the accelerations that they have.
         there = (motion.displacement + span * (motion.velocity + span * motion.acceleration) for motion in moving)
         soon = replace(acting, prescribed=next(there), offset=next(there))
-    found = stepper.at_once(state, span, acting, soon)
-    return np.where(held, found.state.multiplier, lam) if found.status is Status.CONVERGED else lam
+    taken = stepper.at_once(state, span, acting, soon)
+    return np.where(undetermined, taken.state.multiplier, lam) if taken.status is Status.CONVERGED else lam
 
 
 def _rubbed(stepper: TimeStepper, state: TimeState, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
@@ -278,13 +278,13 @@ def _rubbed(stepper: TimeStepper, state: TimeState, law: StepLaw, slow: float, s
     Points that are no faster than ``slow`` do not slip.
     """
     lam, local = state.multiplier.copy(), state.local
-    held = np.zeros(lam.shape, dtype=bool)
+    undetermined = np.zeros(lam.shape, dtype=bool)
     if not lam.size:
-        return lam, held
+        return lam, undetermined
     there = stepper.discrete.counted(local.displacement, local.displacement)
     for index, one in _undamped(law):
         stored = one.pressures(there[index])
-        held[index] |= (stored.upper > stored.lower)[:, None]
+        undetermined[index] |= (stored.upper > stored.lower)[:, None]
     if law.blocks:  # a damper of the foundation acts as soon as it is reached
         there[:, 0] += span * local.velocity[:, 0]
         lam = _least(law, there)
@@ -292,7 +292,7 @@ def _rubbed(stepper: TimeStepper, state: TimeState, law: StepLaw, slow: float, s
         if block.damping is not None:
             felt = block.damping.subdifferential(local.velocity[block.index, 0])
             lam[block.index, 0] += np.clip(0.0, felt.lower, felt.upper)
-            held[block.index] |= (felt.upper > felt.lower)[:, None]
+            undetermined[block.index] |= (felt.upper > felt.lower)[:, None]
     if lam.shape[1] > 1:
         guess = _soon(stepper, state, span)
         rests = lengths(local.velocity[:, 1:]) <= slow
@@ -300,11 +300,11 @@ def _rubbed(stepper: TimeStepper, state: TimeState, law: StepLaw, slow: float, s
         guess[rests & ~stepper.discrete.follows_slip, 1:] = 0.0
         guess = rubs.admissible(guess)
         lam[:, 1:] = rubs.nearest_multiplier(guess, np.zeros(lam.shape))[:, 1:]
-        held[:, 1:] |= ~rubs.linearise(guess).smooth[:, 1:]
-    return lam, held
+        undetermined[:, 1:] |= ~rubs.linearise(guess).smooth[:, 1:]
+    return lam, undetermined
 
 
-def _acceleration(stepper: TimeStepper, state: TimeState, load: Array, held: Array) -> Array:
+def _acceleration(stepper: TimeStepper, state: TimeState, load: Array, prescribed: Array) -> Array:
     """``M^-1`` of the forces that do not balance at the start, where moved supports (k,) have a given one."""
     discrete, n = stepper.discrete, stepper.discrete.unknowns
     assert discrete.mass is not None
@@ -313,14 +313,14 @@ def _acceleration(stepper: TimeStepper, state: TimeState, load: Array, held: Arr
         force -= discrete.viscosity.times(state.body.velocity)
     for h, (_, branch) in zip(state.branches, discrete.branches, strict=True):
         force -= branch.times(h)
-    force -= discrete.mass.times(np.concatenate([np.zeros(n), held]))
+    force -= discrete.mass.times(np.concatenate([np.zeros(n), prescribed]))
     right = force[:n]
     if state.multiplier.size:
         right = right - discrete.problem.contact_force(state.multiplier)
-    found = discrete.mass.solved(right)
-    if found is None:
+    acceleration = discrete.mass.solved(right)
+    if acceleration is None:
         raise ProblemError("the mass matrix could not be solved for the initial acceleration; check the density")
-    return np.concatenate([found, held])
+    return np.concatenate([acceleration, prescribed])
 
 
 def apply_impulse(stepper: TimeStepper, state: TimeState, step: float) -> TimeState:
@@ -336,25 +336,25 @@ def apply_impulse(stepper: TimeStepper, state: TimeState, step: float) -> TimeSt
     discrete = stepper.discrete
     if discrete.mass is None or stepper.scheme.is_displacement_based(step):
         return state
-    found = (
+    kinked = (
         _at_the_start(stepper, state, step) if not state.index else velocity_discontinuity(stepper, state.time, step)
     )
-    if found is None:
+    if kinked is None:
         return _pushed_anew(stepper, state, step)
-    (supports, gaps), (held, opened) = found
+    (supports, gaps), (smooth_supports, smooth_gaps) = kinked
     n, contact = discrete.unknowns, discrete.problem.contact
     acting = stepper.data_from(state).after(state.time)
     change = np.zeros_like(state.body.velocity)
-    change[n:] = np.where(held, supports.velocity - state.body.velocity[n:], 0.0)
-    glued = _bilateral(stepper) & opened
+    change[n:] = np.where(smooth_supports, supports.velocity - state.body.velocity[n:], 0.0)
+    glued = _bilateral(stepper) & smooth_gaps
     want = np.where(glued, gaps.velocity - contact.trace_of(state.body.velocity[:n]), 0.0)
     change[:n] = _impulse_response(stepper, -discrete.mass.times(change)[:n], want, glued)
     velocity = state.body.velocity + change
-    rate = np.where(opened, contact.trace_of(velocity[:n]) - gaps.velocity, state.local.velocity)
+    rate = np.where(smooth_gaps, contact.trace_of(velocity[:n]) - gaps.velocity, state.local.velocity)
     missed, fast, carried = discrete.vectors.largest(
         *(float(np.abs(part).max(initial=0.0)) for part in (rate[glued], velocity, gaps.velocity))
     ).tolist()
-    if missed > _MISSED_RATE * max(fast, carried):
+    if missed > _SLIPS * max(fast, carried):
         raise ProblemError(
             f"at t = {state.time:.10g} the impulse of the foundation that constrains the body could not be "
             f"computed; use implicit-euler, which needs none"
@@ -385,7 +385,7 @@ def _at_the_start(stepper: TimeStepper, state: TimeState, step: float) -> tuple[
     fast = max(float(np.abs(speed).max(initial=0.0)) for speed in (state.body.velocity, state.local.velocity))
     off = float(np.abs(state.local.velocity[_bilateral(stepper)]).max(initial=0.0))
     fast, off = stepper.discrete.vectors.largest(fast, off).tolist()
-    if off <= _NO_BLOW * fast:
+    if off <= SOLVED * fast:
         return None
     supports, gaps = prescribed_rates(stepper, state.time, step)
     nothing = np.zeros(supports.displacement.shape, dtype=bool)  # supports have their rates already
@@ -396,11 +396,11 @@ def _bilateral(stepper: TimeStepper) -> BoolArray:
     """Which contact components (m, c) have a mass, a foundation that holds them both ways, and no support."""
     discrete = stepper.discrete
     contact, ends = discrete.problem.contact, discrete.problem.law.penetrations
-    found = np.zeros(contact.shape, dtype=bool)
+    bilateral = np.zeros(contact.shape, dtype=bool)
     if discrete.evolution.mass is not Mass.REDISTRIBUTED and not stepper.scheme.is_impact_law:
-        found[:, 0] = ends.lower == ends.upper
-    free: BoolArray = np.diff(contact.trace.indptr).reshape(found.shape) > 0
-    return found & free
+        bilateral[:, 0] = ends.lower == ends.upper
+    free: BoolArray = np.diff(contact.trace.indptr).reshape(bilateral.shape) > 0
+    return bilateral & free
 
 
 @dataclass(frozen=True, eq=False)
@@ -422,25 +422,25 @@ def _impulse_response(stepper: TimeStepper, blow: Array, want: Array, glued: Boo
     theirs as they want."""
     discrete = stepper.discrete
     problem, vectors = discrete.problem, discrete.vectors
-    found = np.zeros_like(blow)
+    change = np.zeros_like(blow)
     hit, holds = vectors.largest(float(np.abs(blow).max(initial=0.0)), float(glued.any())).tolist()
     if hit:
-        found = _by_mass(stepper, blow)
+        change = _by_mass(stepper, blow)
     if not holds:
-        return found
+        return change
     roots = np.sqrt(problem.contact.weights)[:, None]
-    missing = (np.where(glued, want - problem.contact.trace_of(found), 0.0) * roots).ravel()
+    missing = (np.where(glued, want - problem.contact.trace_of(change), 0.0) * roots).ravel()
     least = _LEFT * float(vectors.norms(missing)[0])
     yielding = _DelassusOperator(stepper, glued, roots)
     pushes = conjugate_gradients(yielding, np.ones_like(missing), missing, np.copy, least, _BLOW_STEPS, vectors=vectors)
-    return found + _by_mass(stepper, problem.contact_force(pushes.solution.reshape(glued.shape) / roots))
+    return change + _by_mass(stepper, problem.contact_force(pushes.solution.reshape(glued.shape) / roots))
 
 
 def _by_mass(stepper: TimeStepper, right: Array) -> Array:
     """``M^-1`` of impulses (n,)."""
     mass = stepper.discrete.mass
     assert mass is not None
-    found = mass.solved(right)
-    if found is None:
+    change = mass.solved(right)
+    if change is None:
         raise ProblemError("the mass matrix could not be solved where the speed of a support jumps; check the density")
-    return found
+    return change

@@ -1,4 +1,4 @@
-"""The equilibrium in which a body without mass begins, and goes on where a load jumps."""
+"""Initial equilibrium of a quasi-static body, and the one that follows where a load jumps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import SOLVED, DiscreteEvolution, ExternalData
+from hemivar.evolution.initial import AT_ONCE
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
@@ -16,27 +17,30 @@ from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import SlipMeasure
 from hemivar.solvers import Status
 
-__all__ = ["begun", "longest_without_swing", "ramped", "settled", "sunk_by_a_jump", "yields_at_once"]
+__all__ = [
+    "gap_jump",
+    "has_instantaneous_part",
+    "instantaneous_equilibrium",
+    "longest_without_swing",
+    "with_own_balance",
+    "with_ramped_work",
+]
 
-#: Part of the next step in which a body yields at once: what is viscous stays where it is.
-_AT_ONCE = 1e-8
 #: What is said where friction at rest does not hold the body.
 _NO_REST = (
     "friction that weakens with the slip rate may not carry the initial load at rest; start from a smaller load "
     "and increase it, or give the body mass or viscosity"
 )
-#: Part of gaps by which a point that touches may be deep by rounding.
-_TOUCHES = 1e-9
 
 
-def yields_at_once(discrete: DiscreteEvolution) -> bool:
+def has_instantaneous_part(discrete: DiscreteEvolution) -> bool:
     """Whether a part of a body has neither mass nor viscosity, so that its displacement is no initial value."""
     if discrete.mass is not None or discrete.stores:
         return False
     return discrete.viscosity is None or not discrete.viscous_everywhere
 
 
-def settled(
+def instantaneous_equilibrium(
     stepper: TimeStepper, state: TimeState, step: float, jump: SelectionRule, start: ExternalData, now: ExternalData
 ) -> StepResult:
     """The equilibrium with what acts now: parts without viscosity yield at once, branches and memories with them.
@@ -48,19 +52,19 @@ def settled(
     chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL
     resting = _at_rest(stepper.discrete, now)
     try:
-        taken = stepper.at_once(state, _AT_ONCE * step, start, resting, chosen)
+        taken = stepper.at_once(state, AT_ONCE * step, start, resting, chosen)
     except ProblemError as error:
         if resting is now:
             raise
         raise ProblemError(f"{error}; {_NO_REST}") from error
     if resting is not now and taken.status is not Status.CONVERGED:
         taken = replace(taken, advice=f"{taken.status.remedy}; {_NO_REST}")
-    still = [np.zeros_like(place) for place in (taken.state.body.displacement, taken.state.local.displacement)]
+    body, local = taken.state.body.displacement, taken.state.local.displacement
     rest = replace(
         taken.state,
         index=state.index,
-        body=Kinematics(taken.state.body.displacement, still[0], still[0]),
-        local=Kinematics(taken.state.local.displacement, still[1], still[1]),
+        body=Kinematics.at_rest(body),
+        local=Kinematics.at_rest(local),
         history=None,
     )
     return replace(taken, state=rest)
@@ -77,15 +81,17 @@ def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
     return replace(acting, law=law)
 
 
-def begun(state: TimeState) -> TimeState:
+def with_own_balance(state: TimeState) -> TimeState:
     """A state with which the balance of energy begins."""
     ledger = state.ledger
     names = ("elastic", "branches", "contact", "kinetic")
     return replace(state, ledger=EnergyBalance(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
 
 
-def ramped(discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, now: ExternalData) -> StepResult:
-    """What :func:`settled` found, with the work of loads and supports that change quickly, but not at once.
+def with_ramped_work(
+    discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, now: ExternalData
+) -> StepResult:
+    """An instantaneous equilibrium with the work of loads and supports that ramp up quickly, but not at once.
 
     What acts after a jump does more work on the way than what grows to it; the difference is what implicit Euler loses.
     Of loads it is half of their change on the way, as for a linear body, where supports or gaps jump as well.
@@ -93,14 +99,14 @@ def ramped(discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, 
     before, ledger = taken.before.ledger, taken.state.ledger
     lost = ledger.numerical - before.numerical
     still = np.array_equal(start.prescribed, now.prescribed) and np.array_equal(start.offset, now.offset)
-    way = taken.state.body.displacement - taken.before.body.displacement
-    half = float(discrete.vectors.total(0.5 * float((now.load - start.load) @ way))[0])
+    increment = taken.state.body.displacement - taken.before.body.displacement
+    half = float(discrete.vectors.total(0.5 * float((now.load - start.load) @ increment))[0])
     work = half if discrete.vectors.largest(float(not still))[0] else lost
     ledger = replace(ledger, numerical=before.numerical, work=ledger.work - work, moved=ledger.moved - (lost - work))
     return replace(taken, state=replace(taken.state, ledger=ledger))
 
 
-def sunk_by_a_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
+def gap_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
     """How far gaps jump towards the body in a step under a law of impact, and how deep points then are in the obstacle.
 
     Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
@@ -119,7 +125,7 @@ def sunk_by_a_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, floa
         ends.append(ends[-1])
     before, came, after = (early - late for early, late in itertools.pairwise(ends))
     depth = taken.state.local.displacement[:, 0]
-    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > _TOUCHES * np.abs(ends[2]).max(initial=0.0))
+    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > SOLVED * np.abs(ends[2]).max(initial=0.0))
     jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
     jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
     return jump, deepest
@@ -137,10 +143,10 @@ def longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
     discrete, before, stage = stepper.discrete, taken.before, taken.stages[0]
     if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
         return np.inf
-    n, way = discrete.unknowns, taken.state.body.displacement - before.body.displacement
+    n, increment = discrete.unknowns, taken.state.body.displacement - before.body.displacement
     force = stepper.data_from(before).after(before.time).load - stiffness_force(discrete, before.body)
     force[:n] -= discrete.problem.contact_force(before.multiplier)
     first, middle = discrete.vectors.total(
-        float(force[:n] @ way[:n]), 2.0 * discrete.viscosity.energy(way) / taken.step
+        float(force[:n] @ increment[:n]), 2.0 * discrete.viscosity.energy(increment) / taken.step
     ).tolist()
     return taken.step * middle / (first - middle) if first > middle > 0.0 else np.inf

@@ -1,4 +1,4 @@
-"""The march through time."""
+"""The march through time: the loop of time integration, its ends and its checkpoints."""
 
 from __future__ import annotations
 
@@ -90,25 +90,7 @@ def marching(
 ) -> Generator[StepEvent, bool | None, History]:
     """:func:`march` step by step: yields every step, ends after it if it is sent True, returns the history.
 
-    Parameters
-    ----------
-    evolution : Evolution, DiscreteEvolution, or ManufacturedProblem of an evolution
-    plan : March
-        Until when, by which scheme and steps.
-    workspace : Workspace, optional
-        Where factors and levels are kept.
-    tools : Backend, optional
-        Of another engine.
-
-    Yields
-    ------
-    StepEvent
-        Every step; the generator returns a :class:`History`.
-
-    Raises
-    ------
-    MethodError
-        The time limit is over before the state at the start is known.
+    Factors and levels are kept in the workspace; ``tools`` are those of another engine.
     """
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"
     evolution = expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
@@ -147,22 +129,22 @@ def marching(
         except HemivarError as error:  # what was computed until then is not given up
             if len(loop.rows) == 1 or not _of_all(error, discrete):
                 raise
-            loop.tell(str(error))
+            loop.note(str(error))
             ended = "refused"
             break
         if taken is None:
             ended = happened[0]
             break
         event = loop.accept(taken, happened)
-        told = yield replace(event, unkept=unkept) if unkept else event
+        interrupt = yield replace(event, unkept=unkept) if unkept else event
         late = kept is not None and clock.perf_counter() - written >= 60.0 * kept.minutes
         # What the clock says differs between processes: the largest holds for all.
-        told, due, late = discrete.vectors.largest(float(bool(told)), budget.due(), float(late)).tolist()
+        interrupt, due, late = discrete.vectors.largest(float(bool(interrupt)), budget.due(), float(late)).tolist()
         if late and kept is not None:
             unkept = _keep(kept, loop)
             written = clock.perf_counter()
-        if stop or told or due:
-            ended = f"event: {happened[-1]}" if stop else "interrupted" if told else "max_time"
+        if stop or interrupt or due:
+            ended = f"event: {happened[-1]}" if stop else "interrupted" if interrupt else "max_time"
             break
     return loop.history(ended, "" if kept is None else _keep(kept, loop))
 

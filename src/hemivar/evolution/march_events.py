@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect, one_of, quoted
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.state import TimeState
-from hemivar.evolution.step_laws import seen_place
+from hemivar.evolution.step_laws import seen_displacement
 from hemivar.fem.contact_basis import nodal_depths
 
 __all__ = ["BondBroken", "Event", "MarginLost", "OnEvent", "Release", "Slip", "Touch", "When"]
@@ -206,11 +206,11 @@ class When(Event):
 
     def level(self, discrete: DiscreteEvolution, state: TimeState, margin: float) -> float:
         assert self.function is not None
-        found = self.function(discrete, state)
+        returned = self.function(discrete, state)
         try:
-            value = float(found)
+            value = float(returned)
         except (TypeError, ValueError):
-            raise ProblemError(f"the event '{self.label}' gave {quoted(found)}; return a number") from None
+            raise ProblemError(f"the event '{self.label}' gave {quoted(returned)}; return a number") from None
         if np.isnan(value):
             raise ProblemError(f"the event '{self.label}' is not a number at t = {state.time:g}")
         return value
@@ -218,5 +218,5 @@ class When(Event):
 
 def _deepest(discrete: DiscreteEvolution, state: TimeState, points: np.ndarray) -> float:  # type: ignore[type-arg]
     """Largest penetration of some contact points, into what is left of a foundation that is worn or has crept."""
-    depth = nodal_depths(discrete.problem, seen_place(discrete, state)[:, 0])
+    depth = nodal_depths(discrete.problem, seen_displacement(discrete, state)[:, 0])
     return float(discrete.vectors.largest(float(depth[points].max(initial=-np.inf)))[0])

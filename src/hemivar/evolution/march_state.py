@@ -32,7 +32,9 @@ _AT_CONTACT = ("local", "multiplier", "rate")
 #: What is kept of a motion; its products with the matrices are computed again, to the last bit. And of mean rates.
 MOTION = ("displacement", "velocity", "acceleration")
 RATES = ("velocity", "acceleration")
+#: Number of the format of checkpoints: raised where their keys, the names of fields, change.
 _FORMAT = 10
+#: Bytes of the largest checkpoint that is read: 64 GiB, as much as fits into the memory of a large machine.
 _LARGEST = 1 << 36
 _ARRAY = "array "
 #: Numbers of a row beside the values of the columns, in their order.
@@ -48,7 +50,7 @@ class MarchState:
     rows: tuple[Row, ...]
     frames: tuple[Frame, ...]
     #: States offered so far, and which of them are kept.
-    frame_place: tuple[int, int]
+    frame_counters: tuple[int, int]
     events: tuple[tuple[float, str], ...]  # (time, name)
     messages: tuple[str, ...]
     #: Largest size that errors of steps were held against.
@@ -119,8 +121,8 @@ class Checkpoint:
         """
         shown = disk.shown(self.file)
         try:
-            found, sound = read_arrays(data)
-            head = json.loads(found.pop("head").tobytes().decode())
+            entries, sound = read_arrays(data)
+            head = json.loads(entries.pop("head").tobytes().decode())
             version, owner = head["format"], head["identity"]
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise FileError(
@@ -142,7 +144,7 @@ class Checkpoint:
                 "start again without resume"
             )
         try:
-            arrays = [found[f"{_ARRAY}{number_}"] for number_ in range(len(found))]
+            arrays = [entries[f"{_ARRAY}{number_}"] for number_ in range(len(entries))]
             return decoded(_Kept, head["state"], arrays).whole()
         except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
             raise self.unfit(f"{type(error).__name__} at {error}") from None
@@ -210,7 +212,7 @@ def _wrong(
             yield f"{name} is {getattr(march, name):g}"
     if not (math.isnan(march.bound) or march.bound >= 0.0):
         yield f"its bound of the error in time is {march.bound:g}"
-    offered, stride = march.frame_place
+    offered, stride = march.frame_counters
     if not (_count(offered) and _count(stride) and stride):
         yield "its frame counters are not whole numbers"
     if not all(isinstance(name, str) and math.isfinite(time) for time, name in march.events):
@@ -262,13 +264,13 @@ def _history(last: LastStep, state: TimeState, stepper: TimeStepper) -> Iterator
             yield from _array(f"history.{name}.{part}", getattr(rates, part), shape)
 
 
-def _memory(found: Mapping[str, Mapping[str, Array]], first: Mapping[str, Mapping[str, Array]]) -> Iterator[str]:
-    if {name: set(states) for name, states in found.items()} != {name: set(states) for name, states in first.items()}:
+def _memory(memory: Mapping[str, Mapping[str, Array]], first: Mapping[str, Mapping[str, Array]]) -> Iterator[str]:
+    if {name: set(states) for name, states in memory.items()} != {name: set(states) for name, states in first.items()}:
         yield "its contact points remember other quantities"
         return
     for boundary, states in first.items():
         for name, values in states.items():
-            yield from _array(f"{name} of {boundary}", found[boundary][name], np.shape(values))
+            yield from _array(f"{name} of {boundary}", memory[boundary][name], np.shape(values))
 
 
 def _rows(rows: Sequence[Row], stepper: TimeStepper, state: TimeState, columns: Sequence[str]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What a step is worth: its margin of uniqueness, whether the body jumped in it, and its local error.
+"""What a step is worth: its uniqueness margin, its local error, and whether the body jumped in it.
 
 Adaptive steps are chosen by an estimate of that error. It is the distance from the prediction by the derivatives at the
 beginning, halved: of implicit Euler ``tau^2 u''/2``, of schemes of order two ``tau^3 u'''/12`` (Milne's device), or up
@@ -31,7 +31,8 @@ from hemivar.certificates.linear_bodies import UNKNOWN, below, lower_bound_by
 from hemivar.certificates.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.evolution.barrier import way_bends_downwards
+from hemivar.evolution.barrier import path_bends_downwards
+from hemivar.evolution.discrete import KEPT
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import BoundaryLaw
@@ -46,15 +47,15 @@ _SMALL = 20_000
 #: Steps that are looked at in each factor of two, and powers of two that are; that of a step that stands for all longer
 #: ones, in which neither mass nor viscosity resists any more.
 _PARTS, _WIDEST, _FARTHEST = 70, 24, 96
-#: Condensed bodies of such steps that are kept.
-_FEWEST, _BYTES = 8, 1 << 25
+#: Bytes of condensed bodies of such steps that are kept, a few of them in any case.
+_BYTES = 1 << 25
 
 
 def crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
     """Whether a body without viscosity and mass left its equilibrium at once in a step."""
     stages = stepper.stages
     return not stages.resists and any(
-        stages.convexity_defect(stage) >= 0.0 and way_bends_downwards(stage.problem, solution, stage.start)
+        stages.convexity_defect(stage) >= 0.0 and path_bends_downwards(stage.problem, solution, stage.start)
         for stage, solution in zip(taken.stages, taken.solutions, strict=True)
     )
 
@@ -68,11 +69,11 @@ class StepError:
     size: float
     #: At the contact points, and the largest displacement since the start.
     slid: float
-    way: float
+    displacement: float
 
-    def relative(self, size: float, way: float) -> tuple[float, float]:
+    def relative(self, size: float, displacement: float) -> tuple[float, float]:
         """Both parts, in the energy norm and at the contact points, of the largest sizes so far."""
-        return self.energy / size if size > 0.0 else 0.0, self.slid / way if way > 0.0 else 0.0
+        return self.energy / size if size > 0.0 else 0.0, self.slid / displacement if displacement > 0.0 else 0.0
 
 
 def step_error(stepper: TimeStepper, taken: StepResult, origin: Array, after_kink: bool = False) -> StepError:
@@ -96,13 +97,14 @@ def step_error(stepper: TimeStepper, taken: StepResult, origin: Array, after_kin
     square, slid, whole = discrete.vectors.total(
         square, float(weights @ (off**2).sum(axis=1)), float(weights.sum())
     ).tolist()
-    (way,) = discrete.vectors.largest(float(np.abs(after.body.displacement - origin).max(initial=0.0))).tolist()
+    farthest = float(np.abs(after.body.displacement - origin).max(initial=0.0))
+    (farthest,) = discrete.vectors.largest(farthest).tolist()
     size = after.ledger.elastic + after.ledger.kinetic
     return StepError(
         math.sqrt(max(square, 0.0)),
         math.sqrt(2.0 * max(size, 0.0)),
         math.sqrt(slid / whole) if whole > 0.0 else 0.0,
-        way,
+        farthest,
     )
 
 
@@ -113,7 +115,7 @@ class Margins:
     """
 
     def __init__(self, stepper: TimeStepper) -> None:
-        self.advance = stepper
+        self.stepper = stepper
         self._largest: tuple[bytes, float] = b"", math.nan
         self._last: tuple[object, float, float] = None, math.nan, math.nan
         self._known: tuple[object, object, float] = None, None, math.nan
@@ -131,7 +133,7 @@ class Margins:
             return 1.0
         if problem.law.state_dependent:
             return self._at(stage, solution)
-        return 1.0 - self.advance.stages.constant(stage, problem.law)
+        return 1.0 - self.stepper.stages.constant(stage, problem.law)
 
     def _at(self, stage: Stage, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
@@ -139,9 +141,9 @@ class Margins:
         law = problem.law
         if self._known[0] is body and self._known[1] is law and law.alpha_is_one:
             return self._known[2]
-        found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
-        self._known = body, law, found
-        return found
+        margin = margin_at(problem, solution.unknowns, solution.multiplier, self.stepper.stages.workspace)
+        self._known = body, law, margin
+        return margin
 
     def largest_step(self, taken: StepResult) -> float:
         """Largest step with a positive margin, of motion and heat, to a percent; inf if any, nan where it is not looked
@@ -159,10 +161,10 @@ class Margins:
         problem = taken.stages[0].problem
         if problem.law is self._last[0] and taken.step == self._last[1]:
             return self._last[2]
-        found = self._largest_of(taken, problem)
+        length = self._largest_of(taken, problem)
         if not problem.law.state_dependent:
-            self._last = problem.law, taken.step, found
-        return found
+            self._last = problem.law, taken.step, length
+        return length
 
     def _largest_of(self, taken: StepResult, problem: DiscreteProblem) -> float:
         alphas = [np.asarray(alpha) for alpha in problem.law.weak_convexity_at(-problem.offset)]
@@ -171,12 +173,12 @@ class Margins:
             return math.inf
         if problem.unknowns > _SMALL or problem.law.state_dependent or lower_bound_by(problem) == UNKNOWN:
             return math.nan
-        changes = "law" in self.advance.discrete.evolution.problem.time_dependent  # and is another in longer steps
-        told = np.array([taken.step, taken.before.time if changes else 0.0])
+        changes = "law" in self.stepper.discrete.evolution.problem.time_dependent  # and is another in longer steps
+        data = np.array([taken.step, taken.before.time if changes else 0.0])
         # Damping stiffens a law from where a point is on: by less in a longer step, from another place in the next one.
         varies = any(block.damping is not None or not block.memory.of_state for block in blocks)
         damped = [taken.before.local.displacement[:, 0]] if varies else []
-        key = b"".join(alpha.tobytes() for alpha in (told, *alphas, *damped))
+        key = b"".join(alpha.tobytes() for alpha in (data, *alphas, *damped))
         if key != self._largest[0]:
             self._largest = key, self._sought(taken)
         return self._largest[1]
@@ -214,9 +216,9 @@ class Margins:
     def _positive(self, before: TimeState, step: float) -> bool:
         """Whether a step of this length has a positive margin: whether the body condensed onto its contact points,
         less what the laws may soften, is positive definite."""
-        contact = self.advance.discrete.problem.contact
+        contact = self.stepper.discrete.problem.contact
         try:
-            tried = self.advance.stage_laws(before, step)
+            tried = self.stepper.stage_laws(before, step)
         except ProblemError:  # what depends on time makes no sense any more at the end of so long a step
             return False
         for factors, law in tried:
@@ -240,12 +242,12 @@ class Margins:
         it is not held."""
         if factors not in self._matrices:
             try:
-                found = SchurComplement.of(below(self.advance.stages.bodies.body(*factors, keep=False))).matrix
+                stiffness = SchurComplement.of(below(self.stepper.stages.bodies.body(*factors, keep=False))).matrix
             except ProblemError:
-                found = None
-            self._matrices[factors] = found
-            size = 1 if found is None else found.nbytes
-            while len(self._matrices) > max(_FEWEST, _BYTES // max(size, 1)):
+                stiffness = None
+            self._matrices[factors] = stiffness
+            size = 1 if stiffness is None else stiffness.nbytes
+            while len(self._matrices) > max(KEPT, _BYTES // max(size, 1)):
                 self._matrices.popitem(last=False)
         self._matrices.move_to_end(factors)
         return self._matrices[factors]

@@ -1,4 +1,4 @@
-"""What is kept of an evolution while it goes."""
+"""Output of a march: frames, probes, contact forces, and what strains and glue show."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.discrete import SOLVED, DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.evolution.state import TimeState
 from hemivar.fem import Deformation, deformation
@@ -39,8 +39,6 @@ __all__ = [
     "probed",
 ]
 
-#: Part of the stiffness by which the damage of glue changes where it changes.
-_HEALS = 1e-9
 #: Distance from the body, as a part of its size, at which a probe counts as outside.
 PROBED = 1e-6
 #: Multiples of the time between frames that are counted; beyond them every step is a frame.
@@ -56,7 +54,7 @@ def contact_forces(discrete: DiscreteEvolution, state: TimeState) -> dict[str, f
     """
     shown = state.contact_force
     weights, lam = discrete.problem.contact.weights, shown.multiplier
-    found: dict[str, float] = {}
+    columns: dict[str, float] = {}
     boundaries: Mapping[str, IntArray] = dict(discrete.blocks) if len(discrete.blocks) > 1 else {}
     parts: list[tuple[str, IntArray | slice]] = [("", slice(None))]
     parts += [(f"{name}.", index) for name, index in boundaries.items()]
@@ -75,11 +73,11 @@ def contact_forces(discrete: DiscreteEvolution, state: TimeState) -> dict[str, f
     deepest = discrete.vectors.largest(*deep)
     for (name, _), total, deepest_here in zip(parts, sums, deepest, strict=True):
         slid = total[1:-1]
-        found[f"{name}normal_force"] = float(total[0])
-        found[f"{name}friction_force"] = float(slid[0]) if slid.size == 1 else float(np.linalg.norm(slid))
-        found[f"{name}contact_measure"] = float(total[-1])
-        found[f"{name}penetration"] = float(deepest_here)
-    return found | {"force_time": shown.time}
+        columns[f"{name}normal_force"] = float(total[0])
+        columns[f"{name}friction_force"] = float(slid[0]) if slid.size == 1 else float(np.linalg.norm(slid))
+        columns[f"{name}contact_measure"] = float(total[-1])
+        columns[f"{name}penetration"] = float(deepest_here)
+    return columns | {"force_time": shown.time}
 
 
 def healing(discrete: DiscreteEvolution, before: TimeState, after: TimeState) -> str:
@@ -97,7 +95,7 @@ def _closes(discrete: DiscreteEvolution, index: IntArray, before: TimeState, aft
         return False
     law, places = discrete.problem.law.take(index), [state.local.displacement[index] for state in (before, after)]
     old, new = (law.debonding(r)["damage"] for r in places)
-    return bool((law.past_peak(places[0]) & (new < old - _HEALS)).any())
+    return bool((law.past_peak(places[0]) & (new < old - SOLVED)).any())
 
 
 @dataclass(frozen=True)
@@ -138,15 +136,17 @@ class Save:
 class Frames:
     """Frames as they come, of constant memory."""
 
-    def __init__(self, save: Save, start: float, kept: tuple[Frame, ...] = (), place: tuple[int, int] = (0, 1)) -> None:
+    def __init__(
+        self, save: Save, start: float, kept: tuple[Frame, ...] = (), counters: tuple[int, int] = (0, 1)
+    ) -> None:
         self.save = save
         self.kept = list(kept)
         self._start = start
-        self._count, self._stride = place
+        self._count, self._stride = counters
 
     @property
-    def place(self) -> tuple[int, int]:
-        """Moments offered so far, and which of them are kept."""
+    def counters(self) -> tuple[int, int]:
+        """States offered so far, and which of them are kept."""
         return self._count, self._stride
 
     def offer(self, discrete: DiscreteEvolution, state: TimeState, last: bool = False) -> Frame | None:
@@ -202,14 +202,14 @@ def large_deformation(discrete: DiscreteEvolution, frames: Sequence[Frame]) -> t
         return ()
     own = [deformation(stated, frame.displacement) for frame in frames]
     largest = discrete.vectors.largest(*(size for one in own for size in (one.strain, one.rotation))).reshape(-1, 2)
-    found = [Deformation(float(strain), float(rotation), 0.0, 0.0) for strain, rotation in largest]
-    beyond = [number for number, one in enumerate(found) if one.large]
+    sizes = [Deformation(float(strain), float(rotation), 0.0, 0.0) for strain, rotation in largest]
+    beyond = [number for number, one in enumerate(sizes) if one.large]
     if not beyond:
         return ()
     most = max(beyond, key=lambda number: largest[number].max())
     return (
-        f"beyond small strains from t = {frames[beyond[0]].time:.6g} on: largest {found[beyond[0]].sizes} there, "
-        f"{found[most].sizes} at t = {frames[most].time:.6g}; linear elasticity is inaccurate: check loads and units, "
+        f"beyond small strains from t = {frames[beyond[0]].time:.6g} on: largest {sizes[beyond[0]].sizes} there, "
+        f"{sizes[most].sizes} at t = {frames[most].time:.6g}; linear elasticity is inaccurate: check loads and units, "
         "or take a code with finite strains",
     )
 
@@ -217,7 +217,7 @@ def large_deformation(discrete: DiscreteEvolution, frames: Sequence[Frame]) -> t
 def probed(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> Callable[[Array], dict[str, Array]]:
     """What gives the displacement (d,) of each probe, of unknowns and prescribed displacements (n + k,)."""
     rows = probe_rows(discrete, probes)
-    return lambda place: {name: np.asarray(row @ place) for name, row in rows.items()}
+    return lambda x: {name: np.asarray(row @ x) for name, row in rows.items()}
 
 
 def probe_rows(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> dict[str, sp.csr_array]:
@@ -229,9 +229,9 @@ def probe_rows(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> dict[s
         shape=(field.basis.shape[0], discrete.moved.size),
     )
     full = sp.csr_array(sp.hstack([field.basis, moved]))
-    found = {}
-    for name, place in probes.items():
-        point = probe_point(name, place, mesh.dim)
+    matrices = {}
+    for name, coordinates in probes.items():
+        point = probe_point(name, coordinates, mesh.dim)
         cell, share, off = nearest_cell(mesh, point)
         if off > PROBED * size:
             raise probe_outside(name, mesh.points.min(axis=0), mesh.points.max(axis=0))
@@ -241,13 +241,13 @@ def probe_rows(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> dict[s
         rows = np.tile(np.arange(d), len(nodes))
         columns = (nodes[:, None] * d + np.arange(d)).ravel()
         here = sp.csr_array((np.repeat(weights, d), (rows, columns)), shape=(d, field.basis.shape[0]))
-        found[name] = sp.csr_array(here @ full)
-    return found
+        matrices[name] = sp.csr_array(here @ full)
+    return matrices
 
 
-def probe_point(name: str, place: Any, dim: int) -> Array:
+def probe_point(name: str, coordinates: Any, dim: int) -> Array:
     """The point (d,) of a probe."""
-    point = real_array(place, f"the probe '{name}'")
+    point = real_array(coordinates, f"the probe '{name}'")
     if point.shape != (dim,):
         raise ProblemError(f"the probe '{name}' has shape {point.shape}; give {dim} coordinates")
     return point

@@ -1,4 +1,4 @@
-"""A stage of a step: the static problem it is, and what its solution makes of the state."""
+"""A stage of a step: its static problem over a predictor, and the residual and state of a solution."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ _LONGER = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """One stage, posed: its unknowns are the distance of the displacement from ``place``, a prediction."""
+    """One stage, posed: its unknowns are the distance of the displacement from ``prediction``."""
 
     operator: StepOperator
     problem: DiscreteProblem
     #: The state that the stage starts from; its velocity is that of the stage before, if there is one.
     before: TimeState
     #: Prediction of the displacement, with the prescribed displacements as they are.
-    place: Array  # (n + k,)
+    prediction: Array  # (n + k,)
     #: Of the contact points at the stage.
     offset: Array  # (m, c)
     #: What the law of the stage counts from: slip from which the increment that friction sees is counted, and the
@@ -63,7 +63,7 @@ class Stage:
     #: Whether gaps do not change in the step.
     still: bool = False
     #: Whether no support moves, on any process.
-    held: bool = False
+    fixed_supports: bool = False
 
     @property
     def rule(self) -> StageRule:
@@ -82,13 +82,13 @@ class Stage:
         """Length of the whole step."""
         return self.operator.step
 
-    def displacement(self, found: Array) -> Array:
+    def displacement(self, unknowns: Array) -> Array:
         """``x*`` (n + k,) of unknowns (n,)."""
-        if found.size == self.place.size:
-            return self.place + found
-        place = self.place.copy()
-        place[: found.size] += found
-        return place
+        if unknowns.size == self.prediction.size:
+            return self.prediction + unknowns
+        displacement = self.prediction.copy()
+        displacement[: unknowns.size] += unknowns
+        return displacement
 
     def local(self, solution: Solution) -> Array:
         """Penetration and slip relative to the foundation (m, c); the slip is the whole one."""
@@ -99,15 +99,15 @@ class Stage:
         before = self.before
         return Kinematics(local, *self._rates(local - before.local.displacement, before.local, before.rates[1]))
 
-    def body_rates(self, way: Array) -> tuple[Array, Array]:
-        """Velocity and acceleration (n + k,) at the stage where the displacement differs by ``way`` from before."""
-        return self._rates(way, self.before.body, self.before.rates[0])
+    def body_rates(self, increment: Array) -> tuple[Array, Array]:
+        """Velocity and acceleration (n + k,) at the stage where the displacement changed by ``increment``."""
+        return self._rates(increment, self.before.body, self.before.rates[0])
 
-    def _rates(self, way: Array, motion: Kinematics, last: Rates | None) -> tuple[Array, Array]:
+    def _rates(self, increment: Array, motion: Kinematics, last: Rates | None) -> tuple[Array, Array]:
         rule = self.operator.rule
-        velocity, ratio = rule.rate.of(way, motion, last), rule.backward
+        velocity, ratio = rule.rate.of(increment, motion, last), rule.backward
         if ratio is None:
-            return velocity, rule.acceleration.of(way, motion, last)
+            return velocity, rule.acceleration.of(increment, motion, last)
         acceleration = velocity - motion.velocity
         acceleration *= ratio
         return velocity, acceleration
@@ -127,7 +127,7 @@ class StageState:
 
     unknowns: Array  # (n,)
     #: ``u* - u_n``.
-    way: Array  # (n + k,)
+    increment: Array  # (n + k,)
     #: ``u*``, ``v*`` and ``w*``, with the products that its forces took.
     body: Kinematics
     #: ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones.
@@ -165,30 +165,30 @@ def discrete_stage(
     """The static problem of a stage."""
     n, body, rule, predictor = discrete.unknowns, before.body, operator.rule, operator.predictor
     rates = before.rates
-    place = body.displacement
+    prediction = body.displacement
     if not predictor.of_difference:
         moved = predictor.carried(body, rates[0])
-        moved += place
-        place = moved
-    elif place.size > n:
-        place = place.copy()
+        moved += prediction
+        prediction = moved
+    elif prediction.size > n:
+        prediction = prediction.copy()
     # Prescribed displacements and offsets go straight from where they are to where they will be.
     offset = start.offset
-    if place.size > n:
+    if prediction.size > n:
         held_at = body.displacement[n:]
         change = (end.prescribed - held_at) / rule.reach
-        place[n:] = held_at + change
+        prediction[n:] = held_at + change
         if not (discrete.linear or step_law.law.softens) and change.any():
-            place[:n] += _following(discrete, operator, change)
+            prediction[:n] += _following(discrete, operator, change)
     if end.offset is not offset:
         offset = offset + (end.offset - offset) / rule.reach
-    held = not discrete.vectors.largest(float(place.size - n))[0]  # what supports move may be pushed
-    if held:
-        force = _left_of(at.load, discrete, before, operator, place)
+    fixed_supports = not discrete.vectors.largest(float(prediction.size - n))[0]  # what supports move may be pushed
+    if fixed_supports:
+        force = _left_of(at.load, discrete, before, operator, prediction)
         if discrete.branches:
-            force -= _relaxing(discrete, before, place - body.displacement, operator)
+            force -= _relaxing(discrete, before, prediction - body.displacement, operator)
     else:
-        force = at.load - sum(_forces(discrete, operator, before, place).values())
+        force = at.load - sum(_forces(discrete, operator, before, prediction).values())
     origin = before.local.displacement.copy()
     if not rule.rate.of_difference:
         origin -= rule.rate.carried(before.local, rates[1]) / rule.rate.difference
@@ -199,14 +199,14 @@ def discrete_stage(
     contact = operator.base.contact
     from_place = offset + origin
     if contact.count:
-        from_place -= contact.trace_of(place[:n])
+        from_place -= contact.trace_of(prediction[:n])
     force = force[:n] if force.size > n else force
     alone = discrete.vectors.alone and not before.multiplier.any()
-    if alone and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
+    if alone and _only_rounding(discrete, force, at.load[:n], prediction[:n], body.velocity[:n]):
         force = np.zeros(n)  # nothing is left that a residual could be held against
-    problem = bodies.stage_problem(operator.base, force, from_place, step_law.law, place)
+    problem = bodies.stage_problem(operator.base, force, from_place, step_law.law, prediction)
     still = end.offset is start.offset
-    return Stage(operator, problem, before, place, offset, origin, step_law, at.load, still=still, held=held)
+    return Stage(operator, problem, before, prediction, offset, origin, step_law, at.load, still, fixed_supports)
 
 
 def _following(discrete: DiscreteEvolution, operator: StepOperator, change: Array) -> Array:
@@ -220,16 +220,16 @@ def _following(discrete: DiscreteEvolution, operator: StepOperator, change: Arra
     return linear_response(discrete.field, parts.matrix(), -parts.pulled(change))
 
 
-def _only_rounding(discrete: DiscreteEvolution, force: Array, load: Array, place: Array, velocity: Array) -> bool:
+def _only_rounding(discrete: DiscreteEvolution, force: Array, load: Array, u: Array, velocity: Array) -> bool:
     """Whether forces (n,) are no more than the rounding of what was added up in them."""
-    size = norm(load) + norm(discrete.stiffness.row_sums * place)
+    size = norm(load) + norm(discrete.stiffness.row_sums * u)
     if discrete.viscosity is not None:
         size += norm(discrete.viscosity.row_sums * velocity)
     return norm(force) <= _NOTHING * size
 
 
 def _left_of(
-    load: Array, discrete: DiscreteEvolution, before: TimeState, operator: StepOperator, place: Array
+    load: Array, discrete: DiscreteEvolution, before: TimeState, operator: StepOperator, prediction: Array
 ) -> Array:
     """What elastic and viscous forces of a prediction leave of a load, without products where the last step tells
     ``K v``."""
@@ -238,8 +238,8 @@ def _left_of(
     goes_on = rate.velocity == 1.0 and rate.of_velocity
     stretched = None if last is None or not predictor.of_velocity else last.force
     if last is None or stretched is None or not 0.0 < predictor.velocity <= _LONGER * last.step:
-        stays = place is body.displacement
-        force = load - (stiffness_force(discrete, body) if stays else discrete.elastic_force(place))
+        stays = prediction is body.displacement
+        force = load - (stiffness_force(discrete, body) if stays else discrete.elastic_force(prediction))
     else:
         time = predictor.velocity
         if viscous and goes_on and discrete.damping_time is not None:
@@ -313,45 +313,45 @@ def allowed(local: Kinematics, rule: StageRule, step: float) -> Array:
     )
 
 
-def _forces(discrete: DiscreteEvolution, operator: StepOperator, before: TimeState, place: Array) -> dict[str, Array]:
+def _forces(discrete: DiscreteEvolution, operator: StepOperator, before: TimeState, u: Array) -> dict[str, Array]:
     """Forces (n + k,) of a displacement at a stage: ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones."""
-    difference, rule = place - before.body.displacement, operator.rule
+    difference, rule = u - before.body.displacement, operator.rule
     last = before.rates[0]
-    found = {"internal": discrete.elastic_force(place)}
+    forces = {"internal": discrete.elastic_force(u)}
     if discrete.viscosity is not None:
-        found["viscous"] = discrete.viscosity.times(rule.rate.of(difference, before.body, last))
+        forces["viscous"] = discrete.viscosity.times(rule.rate.of(difference, before.body, last))
     if discrete.mass is not None:
-        found["inertial"] = discrete.mass.times(rule.acceleration.of(difference, before.body, last))
+        forces["inertial"] = discrete.mass.times(rule.acceleration.of(difference, before.body, last))
     if discrete.branches:
-        found["relaxing"] = _relaxing(discrete, before, difference, operator)
-    return found
+        forces["relaxing"] = _relaxing(discrete, before, difference, operator)
+    return forces
 
 
 def stage_state(discrete: DiscreteEvolution, stage: Stage, unknowns: Array) -> StageState:
     """Kinematics and forces of unknowns (n,) of a stage."""
     before, rule = stage.before.body, stage.operator.rule
     displacement = stage.displacement(unknowns)
-    way = displacement - before.displacement
-    velocity, acceleration = stage.body_rates(way)
+    increment = displacement - before.displacement
+    velocity, acceleration = stage.body_rates(increment)
     internal = discrete.elastic_force(displacement)
-    found, viscous, pushed = {"internal": Force(internal)}, None, None
+    forces, viscous, pushed = {"internal": Force(internal)}, None, None
     time, ratio = discrete.damping_time, rule.backward
-    if time is not None and stage.held and rule.rate.of_difference:
-        found["viscous"] = Force(internal - stiffness_force(discrete, before), time * rule.rate.difference)
+    if time is not None and stage.fixed_supports and rule.rate.of_difference:
+        forces["viscous"] = Force(internal - stiffness_force(discrete, before), time * rule.rate.difference)
     elif discrete.viscosity is not None:
         viscous = discrete.viscosity.times(velocity)
-        found["viscous"] = Force(viscous)
+        forces["viscous"] = Force(viscous)
     if discrete.mass is not None and ratio is not None:  # products that the kinetic energy needs as well
         pushed = discrete.mass.times(velocity)
-        found["inertial"] = Force(pushed - momentum(discrete, before), ratio)
+        forces["inertial"] = Force(pushed - momentum(discrete, before), ratio)
     elif discrete.mass is not None:
-        found["inertial"] = Force(discrete.mass.times(acceleration))
+        forces["inertial"] = Force(discrete.mass.times(acceleration))
     if discrete.branches:
-        found["relaxing"] = Force(_relaxing(discrete, stage.before, way, stage.operator))
+        forces["relaxing"] = Force(_relaxing(discrete, stage.before, increment, stage.operator))
     body = Kinematics(
         displacement, velocity, acceleration, stiffness_force=internal, viscous_force=viscous, momentum=pushed
     )
-    return StageState(unknowns, way, body, found)
+    return StageState(unknowns, increment, body, forces)
 
 
 def _relaxing(discrete: DiscreteEvolution, before: TimeState, difference: Array, operator: StepOperator) -> Array:

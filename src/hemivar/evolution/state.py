@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
+import numpy as np
+
 from hemivar.basics.codec import COMPUTED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
@@ -94,6 +96,11 @@ class Kinematics(PickleMixin):
     stiffness_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)  # (n + k,)
     viscous_force: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)  # (n + k,)
     momentum: Array | None = field(default=None, kw_only=True, metadata=COMPUTED)  # (n + k,)
+
+    @classmethod
+    def at_rest(cls, displacement: Array) -> Kinematics:
+        """A displacement that does not change."""
+        return cls(displacement, np.zeros_like(displacement), np.zeros_like(displacement))
 
     def at_velocity(self, velocity: Array) -> Kinematics:
         """The same at another velocity."""

@@ -1,4 +1,4 @@
-"""The end of a step: the state that its stages lead to, and where the work went."""
+"""The end of a step: the state that its stages lead to, and its energy balance."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.jumps import DissipatedJump
-from hemivar.evolution.schemes import StageRule
+from hemivar.evolution.schemes import ROUNDED, StageRule
 from hemivar.evolution.stage import Stage, StageState, momentum, stiffness_force
 from hemivar.evolution.state import ContactForce, EnergyBalance, Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.step_laws import BoundaryLaw, StepLaw, places
-from hemivar.evolution.step_operator import decay, gain
+from hemivar.evolution.step_operator import branch_gain, decay
 from hemivar.laws import Superpotential
 from hemivar.laws.memory import LocalStep
 from hemivar.laws.scalar_graph import is_continuous
@@ -28,9 +28,6 @@ from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 
 __all__ = ["SolvedStage", "end_of_step", "energies", "shown_force", "with_products"]
-
-#: Rounding of factors of a scheme.
-_ROUNDED = 1e-14
 
 
 def shown_force(discrete: DiscreteEvolution, end: ExternalData, state: TimeState, stage: float) -> ContactForce:
@@ -63,9 +60,9 @@ def _dampings(discrete: DiscreteEvolution, end: ExternalData) -> Iterator[tuple[
 
 def _at_end(discrete: DiscreteEvolution, end: ExternalData, state: TimeState) -> Array:
     """Forces (m, c) of laws that are functions, in a state."""
-    place, rate = state.local.displacement.copy(), state.local.velocity
-    place[:, 1:] = np.where(discrete.follows_slip[:, None], place[:, 1:], rate[:, 1:])
-    force = end.law.nearest_multiplier(place, np.zeros(place.shape))
+    r, rate = state.local.displacement.copy(), state.local.velocity
+    r[:, 1:] = np.where(discrete.follows_slip[:, None], r[:, 1:], rate[:, 1:])
+    force = end.law.nearest_multiplier(r, np.zeros(r.shape))
     for index, damping in _dampings(discrete, end):
         force[index, 0] += damping.derivative(rate[index, 0])
     return force
@@ -141,27 +138,27 @@ def end_of_step(
     """The state at the end of a step, with its balance of energy."""
     last = solved[-1]
     stage, rule, n = last.stage, last.stage.rule, discrete.unknowns
-    ends = rule.ends and stage.before is before and stage.held  # the stage is the end
+    ends = rule.ends and stage.before is before and stage.fixed_supports  # the stage is the end
     if ends:
-        body, local, difference = last.body, last.local, last.reached.way
+        body, local, difference = last.body, last.local, last.reached.increment
     else:
         difference = rule.reach * (last.body.displacement - before.body.displacement)
-        place = last.body.displacement.copy() if rule.reach == 1.0 else before.body.displacement + difference
-        place[n:] = end.prescribed
+        displacement = last.body.displacement.copy() if rule.reach == 1.0 else before.body.displacement + difference
+        displacement[n:] = end.prescribed
         slid = rule.reach * (last.local.displacement - before.local.displacement)
         rates = before.rates
         body, local = (
             Kinematics(
-                there, rule.new_velocity.of(way, motion, rate), rule.new_acceleration.of(way, motion, rate)
+                there, rule.new_velocity.of(increment, motion, rate), rule.new_acceleration.of(increment, motion, rate)
             )
-            for there, way, motion, rate in (
-                (place, difference, stage.before.body, rates[0]),
+            for there, increment, motion, rate in (
+                (displacement, difference, stage.before.body, rates[0]),
                 (before.local.displacement + slid, slid, stage.before.local, rates[1]),
             )
         )  # fmt: skip
     body = _known(discrete, body)
     branches = tuple(
-        decay(period, step) * h + gain(period, step, 1.0 / step) * difference
+        decay(period, step) * h + branch_gain(period, step, 1.0 / step) * difference
         for h, (period, _) in zip(before.branches, discrete.branches, strict=True)
     )
     memory = dict(before.memory)
@@ -172,33 +169,33 @@ def end_of_step(
             memory[block.name] = block.memory.advance(
                 block.given, before.memory[block.name], _whole(block, rule, step), since, own
             )
-    way = difference if ends else body.displacement - before.body.displacement
+    increment = difference if ends else body.displacement - before.body.displacement
     multiplier = last.solution.multiplier
-    found = TimeState(time, before.index + 1, body, local, multiplier, branches, memory, before.ledger, before.heat)
-    history = _last_step(discrete, before, found, solved, step, way, ends, multistep)
-    ledger = _balance(discrete, before, found, solved, step, way)
-    shown = None if rule.at == 1.0 else shown_force(discrete, end, found, before.time + rule.at * step)
-    return replace(found, ledger=ledger, history=history, shown=shown)
+    state = TimeState(time, before.index + 1, body, local, multiplier, branches, memory, before.ledger, before.heat)
+    history = _last_step(discrete, before, state, solved, step, increment, ends, multistep)
+    ledger = _balance(discrete, before, state, solved, step, increment)
+    shown = None if rule.at == 1.0 else shown_force(discrete, end, state, before.time + rule.at * step)
+    return replace(state, ledger=ledger, history=history, shown=shown)
 
 
 def _last_step(
-    discrete: DiscreteEvolution, before: TimeState, found: TimeState, solved: list[SolvedStage], step: float,
-    way: Array, ends: bool, multistep: bool,
+    discrete: DiscreteEvolution, before: TimeState, state: TimeState, solved: list[SolvedStage], step: float,
+    increment: Array, ends: bool, multistep: bool,
 ) -> LastStep | None:  # fmt: skip
     """What the next step goes on from, if it is known."""
     rate, force = solved[-1].stage.rule.rate, None
-    change = found.multiplier - before.multiplier if ends else np.zeros_like(found.multiplier)
-    mean = rate.of_difference and abs(rate.difference * step - 1.0) <= _ROUNDED
+    change = state.multiplier - before.multiplier if ends else np.zeros_like(state.multiplier)
+    mean = rate.of_difference and abs(rate.difference * step - 1.0) <= ROUNDED
     if ends and mean and discrete.mass is not None and discrete.vectors.alone and discrete.linear:
-        force = stiffness_force(discrete, found.body) - stiffness_force(discrete, before.body)
+        force = stiffness_force(discrete, state.body) - stiffness_force(discrete, before.body)
     if not multistep:
         return None if force is None else LastStep(step, force, change)
-    slid = found.local.displacement - before.local.displacement
+    slid = state.local.displacement - before.local.displacement
     # Of a body without mass nobody states the velocity at which it begins.
-    told = discrete.mass is not None or before.history is not None
+    known = discrete.mass is not None or before.history is not None
     body, local = (
-        Rates(one / step, (new.velocity - old.velocity) / step if told else new.acceleration)
-        for one, new, old in ((way, found.body, before.body), (slid, found.local, before.local))
+        Rates(one / step, (new.velocity - old.velocity) / step if known else new.acceleration)
+        for one, new, old in ((increment, state.body, before.body), (slid, state.local, before.local))
     )
     return LastStep(step, force, change, body, local)
 
@@ -209,18 +206,18 @@ def energies(discrete: DiscreteEvolution, state: TimeState, law: StepLaw) -> dic
     weights = discrete.problem.contact.weights
     contact = 0.0
     if weights.size:
-        place = state.local.displacement
+        local = state.local.displacement
         if law.blocks:
             for block in law.blocks:
-                w, r = weights[block.index], place[block.index]
+                w, r = weights[block.index], local[block.index]
                 ends, remembered = block.base.penetrations, state.memory.get(block.name, {})
                 seen = block.memory.seen(remembered, r)[:, 0]
                 beyond = seen - np.clip(seen, ends.lower, ends.upper)
                 r = np.column_stack([r[:, 0] - beyond, r[:, 1:]])
                 contact += float(w @ block.memory.stored(block.base, remembered, r))
         else:
-            ends, inside = law.stored.penetrations, place.copy()
-            inside[:, 0] = np.minimum(np.maximum(place[:, 0], ends.lower), ends.upper)
+            ends, inside = law.stored.penetrations, local.copy()
+            inside[:, 0] = np.minimum(np.maximum(local[:, 0], ends.lower), ends.upper)
             contact = float(weights @ law.stored.stored_energy(inside))
     own = {
         "elastic": discrete.elastic_energy(x, stiffness_force(discrete, state.body)),
@@ -232,28 +229,28 @@ def energies(discrete: DiscreteEvolution, state: TimeState, law: StepLaw) -> dic
 
 
 def _balance(
-    discrete: DiscreteEvolution, before: TimeState, found: TimeState, solved: list[SolvedStage], step: float, way: Array
+    discrete: DiscreteEvolution, before: TimeState, state: TimeState, solved: list[SolvedStage], step: float, du: Array
 ) -> EnergyBalance:
-    """The balance of energy at the end of a step that moves the body by ``way`` (n + k,)."""
+    """The balance of energy at the end of a step that moves the body by ``du`` (n + k,)."""
     old, stage, law = before.ledger, solved[-1].stage, solved[-1].stage.law
-    slid = found.local.displacement - before.local.displacement
-    ways = [(way, slid)]
+    slid = state.local.displacement - before.local.displacement
+    increments = [(du, slid)]
     if len(solved) > 1:
         parts = [one.stage.rule.share * step for one in solved]
-        ways = [(part * one.body.velocity, part * one.local.velocity) for part, one in zip(parts, solved, strict=True)]
+        increments = [(a * one.body.velocity, a * one.local.velocity) for a, one in zip(parts, solved, strict=True)]
     branch_loss = sum(
-        _branch_loss(branch, h, way / step, period, step)
+        _branch_loss(branch, h, du / step, period, step)
         for h, (period, branch) in zip(before.branches, discrete.branches, strict=True)
     )
     memory = sum(
-        _memory_loss(discrete, before, found, block, solved[-1].own, stage.rule, step)
+        _memory_loss(discrete, before, state, block, solved[-1].own, stage.rule, step)
         for block in law.blocks
         if block.name in before.memory
     )
-    done = _work_of(discrete, solved[0], *ways[0], branch_loss, memory)
-    for one, (du, dr) in zip(solved[1:], ways[1:], strict=True):
-        done += _work_of(discrete, one, du, dr)
-    done, now = done.total(discrete.vectors), energies(discrete, found, law)
+    done = _work_of(discrete, solved[0], *increments[0], branch_loss, memory)
+    for one, increment in zip(solved[1:], increments[1:], strict=True):
+        done += _work_of(discrete, one, *increment)
+    done, now = done.total(discrete.vectors), energies(discrete, state, law)
     body = done.internal - (now["elastic"] - old.elastic) + done.inertial - (now["kinetic"] - old.kinetic)
     relaxing = done.relaxing - (now["branches"] - old.branches) - done.branch_loss
     foundation = done.normal - (now["contact"] - old.contact) - done.damping - done.memory
@@ -314,16 +311,16 @@ def _resisting(problem: DiscreteProblem) -> Quadratic:
 
 
 def _memory_loss(
-    discrete: DiscreteEvolution, before: TimeState, found: TimeState, block: BoundaryLaw, own: Array, rule: StageRule,
+    discrete: DiscreteEvolution, before: TimeState, state: TimeState, block: BoundaryLaw, own: Array, rule: StageRule,
     step: float,
 ) -> float:  # fmt: skip
     """What the memory of a boundary dissipates in a step."""
     lost = block.memory.dissipated(
         block.given,
         before.memory[block.name],
-        found.memory[block.name],
+        state.memory[block.name],
         _whole(block, rule, step),
-        discrete.counted(found.local.displacement, before.local.displacement, block.index),
+        discrete.counted(state.local.displacement, before.local.displacement, block.index),
         own[block.index],
     )
     return float(discrete.problem.contact.weights[block.index] @ lost)

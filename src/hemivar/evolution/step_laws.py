@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import EXACT, DiscreteEvolution, ExternalData
 from hemivar.evolution.schemes import Scheme, StageRule
 from hemivar.evolution.state import TimeState
 from hemivar.laws import NoContact, Signorini, SlipMeasure, Superpotential, VectorLaw
@@ -21,12 +21,10 @@ from hemivar.laws.transformed import affine, averaged
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.instants import error_context
 
-__all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_place", "stage_law"]
+__all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_displacement", "stage_law"]
 
 #: Who asks for laws whose force is averaged over a step.
 _CONSERVES = "the midpoint rule that conserves energy"
-#: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
-_TOUCHES = 1e-12
 
 States = Mapping[str, Mapping[str, Array]]
 
@@ -106,8 +104,8 @@ class StageLaws:
 
     def of(self, name: str, index: IntArray, acting: ExternalData, rate: float) -> _Foundation:
         """Those of a boundary under the laws that act and a factor of the displacement in the rate."""
-        found, stated, damping = self._known.get(name), acting.law, acting.damping.get(name)
-        if found is None or found.stated is not stated or found.damped is not damping or found.rate != rate:
+        known, stated, damping = self._known.get(name), acting.law, acting.damping.get(name)
+        if known is None or known.stated is not stated or known.damped is not damping or known.rate != rate:
             memory = _memory(self._discrete, name, index)
             base = stated.take(index)
             if _follows_slip(self._discrete.contacts[name]):
@@ -115,17 +113,17 @@ class StageLaws:
             given = base if memory.of_slip else base.in_increments(rate)
             with error_context(f"damping of contact '{name}'", damping):
                 damper = None if damping is None else damping.at(places(self._discrete, index))
-            found = self._known[name] = _Foundation(stated, damping, rate, memory, damper, base, given)
-        return found
+            known = self._known[name] = _Foundation(stated, damping, rate, memory, damper, base, given)
+        return known
 
-    def law(self, name: str, found: _Foundation, state: Mapping[str, Array], local: LocalStep) -> VectorLaw:
+    def law(self, name: str, foundation: _Foundation, state: Mapping[str, Array], local: LocalStep) -> VectorLaw:
         """The law of a boundary in a step, without damping; that of the step before where it cannot be another one."""
         known = self._made.get(name)
-        same = known is not None and found.memory.of_state and known[0] is found and known[1] == local.tau
+        same = known is not None and foundation.memory.of_state and known[0] is foundation and known[1] == local.tau
         if same and known is not None and all(np.array_equal(known[2][key], state[key]) for key in state):
             return known[3]
-        made = law_of_step(found.base, found.memory, state, local)
-        self._made[name] = found, local.tau, state, made
+        made = law_of_step(foundation.base, foundation.memory, state, local)
+        self._made[name] = foundation, local.tau, state, made
         return made
 
     def joined(self, laws: list[tuple[VectorLaw, int]]) -> VectorLaw:
@@ -168,15 +166,15 @@ def stage_law(
     for name, index in discrete.blocks:
         if not index.size:
             continue
-        found = foundations.of(name, index, acting, rate)
-        memory, damping, base, given, motion = found.memory, found.damping, found.base, found.given, before.local
+        foundation = foundations.of(name, index, acting, rate)
+        memory, damping, base, motion = foundation.memory, foundation.damping, foundation.base, before.local
         local = LocalStep(
             rule.at * step, rate, motion.displacement[index], guess[index], guess_multiplier[index], carried[index]
         )
         state = before.memory.get(name, {})
-        undamped = foundations.law(name, found, state, local)
+        undamped = foundations.law(name, foundation, state, local)
         law = undamped if damping is None else law_of_step(base, memory, state, local, damping)
-        blocks.append(BoundaryLaw(name, index, base, memory, given, damping, local, law, undamped))
+        blocks.append(BoundaryLaw(name, index, base, memory, foundation.given, damping, local, law, undamped))
     if not blocks:  # no contact points of this process
         return StepLaw(stated)
     return StepLaw(foundations.joined([(block.law, block.index.size) for block in blocks]), tuple(blocks))
@@ -224,9 +222,7 @@ def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> V
     ahead = 0.5 * step * local.velocity[:, 0]
     # What rests on the obstacle is as deep as the rounding of its place and its velocity says, and yet in contact.
     sizes = np.abs(before.body.displacement).max(initial=0.0), np.abs(ahead).max(initial=0.0)
-    shut = local.displacement[:, 0] + ahead >= -_TOUCHES * (
-        sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0)
-    )
+    shut = local.displacement[:, 0] + ahead >= -EXACT * (sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0))
     pieces: list[tuple[Superpotential, IntArray]] = [
         (law.at(None), np.flatnonzero(points))
         for law, points in ((Signorini(), shut), (NoContact(), ~shut))
@@ -240,21 +236,21 @@ def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> V
 
 def initial_memory(discrete: DiscreteEvolution, law: VectorLaw, local: Array) -> States:
     """States of all memories at the start, local displacements (m, c) being what they are."""
-    found = {}
+    states = {}
     for name, index in discrete.blocks:
         if index.size and discrete.contacts[name].remembers:
-            found[name] = _memory(discrete, name, index).start(law.take(index), local[index])
-    return found
+            states[name] = _memory(discrete, name, index).start(law.take(index), local[index])
+    return states
 
 
-def seen_place(discrete: DiscreteEvolution, state: TimeState) -> Array:
+def seen_displacement(discrete: DiscreteEvolution, state: TimeState) -> Array:
     """Local displacements (m, c) that laws see: less what has been worn off, or what a foundation has crept."""
-    place = state.local.displacement
+    r = state.local.displacement
     for name, index in discrete.blocks:
         if name in state.memory:
-            place = place.copy() if place is state.local.displacement else place
-            place[index] = MemoryChain(discrete.contacts[name].remembers).seen(state.memory[name], place[index])
-    return place
+            r = r.copy() if r is state.local.displacement else r
+            r[index] = MemoryChain(discrete.contacts[name].remembers).seen(state.memory[name], r[index])
+    return r
 
 
 def _memory(discrete: DiscreteEvolution, name: str, index: IntArray) -> Memory:

@@ -41,8 +41,9 @@ __all__ = ["StepResult", "TimeStepper", "allowed_work", "method_of", "rounding_o
 #: Rounding of sums, in units of what is added up: of energies, and of forces where a step is solved as well as these
 #: are known.
 _ENERGIES, _FORCES = 64.0 * float(np.finfo(float).eps), 1024.0 * float(np.finfo(float).eps)
-#: Rounds of a law that depends on the solution of its own step, and when it stands.
+#: Rounds of a law that depends on the solution of its own step.
 _ROUNDS = 60
+#: Part of slips and multipliers that a round may still change where the law stands.
 _STANDS = 1e-10
 #: How far beyond what was found a guess goes at most, in parts of the way from the last round to this one.
 _AHEAD = 4.0
@@ -63,7 +64,7 @@ def allowed_work(
     stage: Stage,
     reached: StageState,
     multiplier: Array,
-    way: Array,
+    increment: Array,
     rtol: float,
 ) -> float:
     """Most work on a way (n + k,) of the forces that a solved stage may leave out of balance.
@@ -74,7 +75,7 @@ def allowed_work(
     acting = norm(stage.load[:n]) + norm(discrete.problem.contact_force(multiplier))
     acting += sum(abs(force.factor) * norm(force.vector[:n]) for force in reached.forces.values())
     rounding = rounding_size(discrete, stage, reached.body, 0.0)
-    return norm(way[:n]) * (rtol * acting + _FORCES * (acting + rounding))
+    return norm(increment[:n]) * (rtol * acting + _FORCES * (acting + rounding))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,10 +229,10 @@ class TimeStepper:
             return taken
         allowed = 0.0
         for part in solved:
-            way = part.stage.rule.share * taken.step * part.body.velocity
+            increment = part.stage.rule.share * taken.step * part.body.velocity
             if len(solved) == 1:
-                way = state.body.displacement - before.body.displacement
-            allowed += allowed_work(self.discrete, part.stage, part.reached, part.solution.multiplier, way, rtol)
+                increment = state.body.displacement - before.body.displacement
+            allowed += allowed_work(self.discrete, part.stage, part.reached, part.solution.multiplier, increment, rtol)
         if gap <= allowed:
             return taken
         off = replace(taken.solutions[-1], status=Status.INACCURATE)
@@ -271,14 +272,14 @@ class TimeStepper:
 
         The state before stands for what the stages would find.
         """
-        found = []
+        laws = []
         guess = self.discrete.counted(before.local.displacement, before.local.displacement)
         data, timed = self.data_from(before), "law" in self.discrete.evolution.problem.time_dependent
         for rule in self.operators.rules(step, before.last_length):
             acting = data.at(before.time + (rule.at * step if timed else 0.0))
             law = stage_law(self.discrete, acting, before, rule, step, guess, before.multiplier)
-            found.append((body_factors(self.discrete, rule, step), law.law))
-        return found
+            laws.append((body_factors(self.discrete, rule, step), law.law))
+        return laws
 
     def _solved(
         self,
@@ -301,8 +302,8 @@ class TimeStepper:
             law = stage_law(discrete, at, base, rule, operator.step, guess, multiplier, operator.laws)
             stage = discrete_stage(discrete, stages.bodies, base, operator, at, end, start, law)
             size = stages.size(stage)
-            found = stages.solution(stage, initial, jump, size)
-            solution, local = found.solution, stage.local(found.solution)
+            solved = stages.solution(stage, initial, jump, size)
+            solution, local = solved.solution, stage.local(solved.solution)
             point = stage.local_motion(local)
             own = _undamped(law, point, solution.multiplier)
             again = law.iterates and solution.status is Status.CONVERGED
@@ -320,16 +321,16 @@ class TimeStepper:
             same = pressed <= _STANDS * level or float(vectors.norms(weighted)[0]) <= left
             if change <= _STANDS * size and same:
                 break
-            found_now = _Round(slid, own, slid - guess, own - multiplier)
-            guess, multiplier = found_now.ahead(last, vectors, size, level)
-            initial, last = solution, found_now
+            this = _Round(slid, own, slid - guess, own - multiplier)
+            guess, multiplier = this.ahead(last, vectors, size, level)
+            initial, last = solution, this
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
         off = solution.residual  # it is told against all that the tolerance was held against
         off = Residual(off.equilibrium, off.inclusion, off.scale + size, off.noise)
-        told = replace(solution, residual=off)
-        reached = stage_state(discrete, stage, solution.unknowns) if found.reached is None else found.reached
-        return SolvedStage(stage, told, reached, point, own, found.resistance, found.jumps)
+        rescaled = replace(solution, residual=off)
+        reached = stage_state(discrete, stage, solution.unknowns) if solved.reached is None else solved.reached
+        return SolvedStage(stage, rescaled, reached, point, own, solved.resistance, solved.jumps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,8 +358,8 @@ class _Round:
         share = along / square if left < was and square > 0.0 else 0.0
         if not 0.0 < share <= _AHEAD:
             return self.slid, self.multiplier
-        way = self.slid - last.slid, self.multiplier - last.multiplier
-        return self.slid + share * way[0], self.multiplier + share * way[1]
+        increment = self.slid - last.slid, self.multiplier - last.multiplier
+        return self.slid + share * increment[0], self.multiplier + share * increment[1]
 
 
 def method_of(discrete: DiscreteEvolution) -> Solver | None:

@@ -1,4 +1,4 @@
-"""Lengths of steps: fixed, or chosen by an estimate of the error on a ladder of powers of two."""
+"""Step-size control: fixed, or by a local error estimate on a ladder of powers of two."""
 
 from __future__ import annotations
 
@@ -159,8 +159,8 @@ class AdaptiveStep(StepSizeController):
         error /= self.rtol
         if error > 1.0:
             rungs = max(1, math.ceil(math.log2(error) / (order + 1) + 0.1))
-            found = self._down(step_size, rungs)
-            return (True, step_size) if found is None else (False, found)
+            smaller = self._down(step_size, rungs)
+            return (True, step_size) if smaller is None else (False, smaller)
         grown = 2.0 * step_size.step
         fits = self.most is None or grown <= self.most * (1.0 + 1e-9)
         if fits and error < 0.8 * 2.0 ** -(order + 1):

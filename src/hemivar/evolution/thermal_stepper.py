@@ -1,4 +1,4 @@
-"""A step of a body and of its heat: computed in turns until they agree, each a static problem of its own."""
+"""A step of a body and its heat: a staggered scheme, iterated with Anderson acceleration until both agree."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ __all__ = ["ThermalStepper", "stepper_of"]
 
 #: Rounds of motion and heat within a step.
 _ROUNDS = 200
-#: Part of the change of a round that the next one leaves at most where more than rounding changes.
-_FALLS = 0.5
 #: What to do where rounds do not meet.
 _UNMET = (
     f"motion and heat have not converged after {_ROUNDS} iterations; use shorter steps or a larger rtol of Heat; a "
@@ -47,10 +45,10 @@ def stepper_of(
     if heat is None:
         return plain
     flow = TimeStepper.of(heat.conduction, ImplicitEuler() if scheme.order == 1 else Midpoint(), None, controls)
-    begun = initial_state(flow)
-    first = heat.temperature(begun.body.displacement)
+    initial_heat = initial_state(flow)
+    first = heat.temperature(initial_heat.body.displacement)
     data = _under(heat, plain.data, _Course(discrete.evolution.start, 0.0, first, first))
-    return ThermalStepper(discrete, scheme, plain.stages, plain.operators, data, heat, flow, begun, plain.data)
+    return ThermalStepper(discrete, scheme, plain.stages, plain.operators, data, heat, flow, initial_heat, plain.data)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +98,7 @@ class ThermalStepper(TimeStepper):
     #: Takes the steps of heat.
     flow: TimeStepper
     #: Of heat, at the start.
-    begun: TimeState
+    initial_heat: TimeState
     #: What acts on the body but for thermal stress; ``data`` are those under the temperatures at the start.
     stated: DataInTime
 
@@ -113,13 +111,13 @@ class ThermalStepper(TimeStepper):
 
     def _steady(self, state: TimeState) -> _Course:
         """The temperatures of a state, as they are."""
-        warm = self.begun if state.heat is None else state.heat.state
+        warm = self.initial_heat if state.heat is None else state.heat.state
         now = self.heat.temperature(warm.body.displacement)
         return _Course(state.time, 0.0, now, now)
 
     def initialise(self, state: TimeState) -> TimeState:
-        content = self._content(self.begun)
-        return replace(state, heat=ThermalState(self.begun, HeatBalance(content, content)))
+        content = self._content(self.initial_heat)
+        return replace(state, heat=ThermalState(self.initial_heat, HeatBalance(content, content)))
 
     def take(
         self, before: TimeState, step: float, end_time: float | None = None, jump: SelectionRule = SelectionRule.LOCAL
@@ -141,13 +139,13 @@ class ThermalStepper(TimeStepper):
             flowed = self._flowed(before, taken, step, reached)
             if flowed.status is not Status.CONVERGED:
                 return replace(taken, solutions=(*taken.solutions, *flowed.solutions))
-            found = heat.temperature(flowed.state.body.displacement)
-            change = found - guess
+            temperature = heat.temperature(flowed.state.body.displacement)
+            change = temperature - guess
             size = float(np.abs(change).max(initial=0.0))
-            strain = float(np.abs(found - heat.heat.stress_free).max(initial=0.0))
+            strain = float(np.abs(temperature - heat.heat.stress_free).max(initial=0.0))
             ratio = size / last if last else 0.0
-            # Whatever degrees are counted from; where rounding of what is counted keeps from it, no further.
-            still = size <= heat.heat.rtol * float(np.abs(found).max(initial=0.0)) and ratio >= _FALLS
+            # Whatever degrees are counted from; where changes that fall by less than half are rounding, no further.
+            still = size <= heat.heat.rtol * float(np.abs(temperature).max(initial=0.0)) and ratio >= 0.5
             if size <= heat.heat.rtol * strain or still or not heat.heat.stresses:
                 return self._accepted(before, taken, flowed, step, course, rounds, ratio)
             last, guess = size, mixing.after(guess, change)
@@ -180,11 +178,11 @@ class ThermalStepper(TimeStepper):
             return before.local.displacement[:, 0], before.multiplier[:, 0]
         (flow,) = self.flow.scheme.rules(step)
         part, at = flow.at, taken.stages[0].rule.at
-        way = taken.state.local.displacement[:, 0] - before.local.displacement[:, 0]
+        increment = taken.state.local.displacement[:, 0] - before.local.displacement[:, 0]
         change = taken.state.multiplier[:, 0] - before.multiplier[:, 0]
         if part < 1.0:  # the last pressure is as much older than the step as its stage lies before the end
             change *= part + 1.0 - at if before.index else part / at
-        return before.local.displacement[:, 0] + part * way, before.multiplier[:, 0] + change
+        return before.local.displacement[:, 0] + part * increment, before.multiplier[:, 0] + change
 
     def _rubbed(self, taken: StepResult) -> Array:
         """Heat (m,) that friction makes in a step at each contact point: what the ledger books."""
@@ -212,8 +210,8 @@ class ThermalStepper(TimeStepper):
         """The ledger of a step, the work of thermal stress at a time apart from that of loads."""
         ledger, pulled = taken.state.ledger, 0.0
         if self.heat.heat.stresses:
-            way = taken.state.body.displacement - taken.before.body.displacement
-            pulled = float(self.heat.load(course.at(time)) @ way)
+            increment = taken.state.body.displacement - taken.before.body.displacement
+            pulled = float(self.heat.load(course.at(time)) @ increment)
         thermal = taken.before.ledger.thermal + pulled
         return replace(ledger, work=ledger.work - pulled, thermal=thermal).closed()
 
@@ -231,9 +229,9 @@ class ThermalStepper(TimeStepper):
         rubbed, deformed = self.heat.rubbed(self._rubbed(taken)), self._deformed(taken)
         given = float(rubbed.sum() + deformed.sum())
         solution = flowed.solutions[0]
-        place = stage.displacement(solution.unknowns)
-        rate = stage.body_rates(place - flowed.before.body.displacement)[0]
-        force = conduction.viscosity.times(rate) + conduction.stiffness.times(place) - stage.load
+        temperature = stage.displacement(solution.unknowns)
+        rate = stage.body_rates(temperature - flowed.before.body.displacement)[0]
+        force = conduction.viscosity.times(rate) + conduction.stiffness.times(temperature) - stage.load
         out, crossing = self._given_off(solution.multiplier)
         return HeatBalance(
             content=self._content(flowed.state),

@@ -1,4 +1,4 @@
-"""Downhill from a place on the body condensed onto its contact points, by implicit steps that grow.
+"""Gradient flow of the condensed body (Schur complement on contact points), by implicit steps that grow.
 
 The energy is followed along its gradient in a norm: that of the body, or of springs at its contact points where it
 has free motions.  A step is an equilibrium against a resistance in that norm.  It counts if it is a strict minimiser,
@@ -18,6 +18,7 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.deadline import Budget, check_time
 from hemivar.basics.types import Array
 from hemivar.evolution.barrier import PARTS, bends_downwards
+from hemivar.evolution.descent import AWAY, FLOW_STEPS, TIGHT
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import iterate
@@ -27,16 +28,10 @@ from hemivar.systems.newton_equation import Accuracy
 
 __all__ = ["Walk"]
 
-#: Steps at most.
-_STEPS = 2000
 #: By how much the resistance is eased at most and at least, and how it grows.
 _EASED, _LEAST, _GROWS = 8.0, 1.3, 4.0
-#: What it begins with, as a part of the most that is needed.
-_BEGINS = 1.0 / 64.0
-#: Part of the tolerance of the whole that a step may miss, and that is left where the body rests.
-_TIGHT, _AT_REST = 0.1, 1e-3
-#: Sizes of the body from its place at which nothing holds one that still falls.
-_AWAY = 100.0
+#: Part of the tolerance of the whole that a step may miss.
+_MISSED = 0.1
 #: Bounds that are held one after another in a step, at most.
 _FROZEN = 4
 _DIRECT = Accuracy(0.0, 0.0, 1)
@@ -57,16 +52,16 @@ class Walk:
 
     def down(self, r: Array, lam: Array) -> Solution | None:
         """The minimiser that is reached from a place near a pair (m, d); None where steps do not settle."""
-        resistance, wait, left, eased, ease = self.most * _BEGINS, 1, 1, 1.0, _EASED
+        resistance, wait, left, eased, ease = self.most / _EASED**2, 1, 1, 1.0, _EASED
         budget = Budget(self.controls.max_time)
-        for _ in range(_STEPS):
+        for _ in range(FLOW_STEPS):
             check_time()
             if budget.due():
                 return self._solution(r, lam, Status.MAX_TIME)
             left -= 1
             if left <= 0:
-                found = self._step(r, lam, 0.0)
-                ended = None if found is None else self._solution(found.x, self._multiplier(found))
+                undamped = self._step(r, lam, 0.0)
+                ended = None if undamped is None else self._solution(undamped.x, self._multiplier(undamped))
                 if ended is not None:
                     return ended
                 left = wait = 2 * wait
@@ -79,7 +74,7 @@ class Walk:
                 continue
             before, r, lam = r, point.x, point.on.multiplier
             off, allowed = resistance * norm(self.norm @ (r - before).ravel()), self._tolerance(lam)
-            if off <= _AT_REST * allowed:
+            if off <= TIGHT * allowed:
                 return self._solution(r, self._multiplier(point))
             if self._falls_for_ever(point, r - before):
                 return self._solution(r, self._multiplier(point), Status.NOT_CARRIED)
@@ -98,39 +93,39 @@ class Walk:
         ``thorough``: where a bound follows the state, whether it may be held meanwhile.
         """
         system = self.system if resistance == 0.0 else self.system.resisted(resistance * self.norm, r)
-        point = self._settled(system, r, lam)
+        point = self._newton(system, r, lam)
         if point is None and thorough and system.law.state_dependent:
             point = self._frozen_first(system, r, lam)
         if point is None:
             return None
-        law, way = system.law.frozen(point.x, point.on.multiplier), point.x - r
-        body = np.full(PARTS, float(way.ravel() @ (system.matrix @ way.ravel())))
+        law, increment = system.law.frozen(point.x, point.on.multiplier), point.x - r
+        body = np.full(PARTS, float(increment.ravel() @ (system.matrix @ increment.ravel())))
         counts = stands(system, point.x, point.on.multiplier)
         return point if counts and not bends_downwards(law, system.weights, r, point.x, body) else None
 
-    def _settled(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
+    def _newton(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
         """Where Newton's equations lead from a pair; None where they do not settle."""
         equation = GraphEquation.of(system, system.law.weak_convexity_at(r))
         point = None if equation is None else equation.begin(np.where(system.active, r, system.fixed), lam)
         for _ in range(FEW_ROUNDS):
-            found = None if point is None or equation is None else equation.step(point, _DIRECT)
-            point = None if found is None or equation is None else equation.at(*found[:2])
+            change = None if point is None or equation is None else equation.step(point, _DIRECT)
+            point = None if change is None or equation is None else equation.at(*change[:2])
             if point is None or equation is None or not math.isfinite(missed := norm(equation.missed(point))):
                 return None
-            if missed <= _TIGHT * self._tolerance(point.on.multiplier):
+            if missed <= _MISSED * self._tolerance(point.on.multiplier):
                 return point
         return None
 
     def _frozen_first(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
         """The same where the sets of a bound that follows the state go round: from where the bound, held, leads."""
         for _ in range(_FROZEN):
-            held = system.with_law(system.law.frozen(r, lam))
-            begin, budget = State(r, held.multiplier(r)), Budget(self.controls.max_time)
-            found, status, _ = iterate(_SEARCH, held, begin, _HELD, budget)
+            frozen = system.with_law(system.law.frozen(r, lam))
+            begin, budget = State(r, frozen.multiplier(r)), Budget(self.controls.max_time)
+            state, status, _ = iterate(_SEARCH, frozen, begin, _HELD, budget)
             if status is not Status.CONVERGED:
                 return None
-            r, lam = found.r, np.where(system.active, held.law.nearest_multiplier(found.r, found.lam), found.lam)
-            point = self._settled(system, r, lam)
+            r, lam = state.r, np.where(system.active, frozen.law.nearest_multiplier(state.r, state.lam), state.lam)
+            point = self._newton(system, r, lam)
             if point is not None:
                 return point
         return None
@@ -148,16 +143,16 @@ class Walk:
         name = SEMISMOOTH if system.law.state_dependent else NonsmoothNewton.name
         return Solution(system.problem, u, lam, status or Status.CONVERGED, residual, name, 1)
 
-    def _falls_for_ever(self, point: GraphPoint, way: Array) -> bool:
+    def _falls_for_ever(self, point: GraphPoint, increment: Array) -> bool:
         """Whether the energy still falls where a way leads on to, many times the size of the body away, on the same
         pieces of all laws."""
-        system, far = self.system, float(np.abs(way).max(initial=0.0))
+        system, far = self.system, float(np.abs(increment).max(initial=0.0))
         field = system.problem.field
         if field is None or not len(system.rigid_modes) or not far > 0.0:
             return False
-        r = point.x + _AWAY * float(np.ptp(field.nodes, axis=0).max()) / far * way
+        r = point.x + AWAY * float(np.ptp(field.nodes, axis=0).max()) / far * increment
         law = system.law.frozen(r, point.on.multiplier)
         if not np.array_equal(law.clamp(point.x, r), r):
             return False
         force = system.out_of_balance(r) - system.weights[:, None] * law.linearise(r).gradient
-        return float((force * way).sum()) > 0.0
+        return float((force * increment).sum()) > 0.0

@@ -23,6 +23,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.stated import OF_ONE, keys_of
 from hemivar.basics.units import Units
+from hemivar.basics.user_code import checked_code, loaded_code
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.body_table import (
     HEAT_KEYS,
@@ -60,9 +61,9 @@ __all__ = [
     "write_problem",
 ]
 
-#: Bytes of a problem file.
+#: Bytes of a problem file that are read; larger data belong in mesh files and tables.
 _MOST_BYTES = 16 * 2**20
-#: Tables and lists in one another that are read.
+#: Tables and lists in one another that are read: those of a problem are fewer than ten, Python bears about a thousand.
 _DEEPEST = 50
 
 
@@ -113,13 +114,16 @@ class ProblemFile:
         return meshes
 
 
-def read_problem(path: str | Path) -> ContactProblem:
+def read_problem(path: str | Path, *, code: Sequence[str] = ()) -> ContactProblem:
     """Read a contact problem from a TOML file.
 
     Parameters
     ----------
     path : str or Path
         Mesh files named in it are looked for in its folder.
+    code : sequence of str
+        Modules, and files such as ``"./mymodule.py"``, whose laws the file may name as ``module:Class``. They are
+        imported when it does; no other code is.
 
     Returns
     -------
@@ -148,10 +152,10 @@ def read_problem(path: str | Path) -> ContactProblem:
     >>> hv.solve(problem).on("bottom").force.round(9)  # springs of 100 and 100 in series
     array([0., 5.])
     """
-    return read_problem_file(path).problem
+    return read_problem_file(path, code=code).problem
 
 
-def read_problem_file(path: str | Path, changes: Sequence[Change] = ()) -> ProblemFile:
+def read_problem_file(path: str | Path, changes: Sequence[Change] = (), *, code: Sequence[str] = ()) -> ProblemFile:
     """Like :func:`read_problem`, with the settings for the solver and the hierarchy of meshes.
 
     ``changes`` replace what the file says.
@@ -162,12 +166,14 @@ def read_problem_file(path: str | Path, changes: Sequence[Change] = ()) -> Probl
         Name of the TOML file.
     changes : sequence of Change
         Values that replace those of the file.
+    code : sequence of str
+        As for :func:`read_problem`.
 
     Returns
     -------
     ProblemFile
     """
-    return parse_problem_file(read_text(path), Path(path).parent, str(path), changes=changes)
+    return parse_problem_file(read_text(path), Path(path).parent, str(path), changes=changes, code=code)
 
 
 def read_text(path: str | Path) -> str:
@@ -184,14 +190,16 @@ def read_text(path: str | Path) -> str:
         raise
 
 
-def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:
-    """A contact problem from the text of a problem file."""
-    return parse_problem_file(text, base_dir, name).problem
+def parse_problem(
+    text: str, base_dir: str | Path = ".", name: str = "problem", *, code: Sequence[str] = ()
+) -> ContactProblem:
+    """A contact problem from the text of a problem file; ``code`` is as for :func:`read_problem`."""
+    return parse_problem_file(text, base_dir, name, code=code).problem
 
 
-def _colon_in_quotes(text: str, told: str) -> str:
+def _colon_in_quotes(text: str, reason: str) -> str:
     """What to write where the key in the line of a TOML error has a colon outside of quotes; else nothing."""
-    line = re.search(r"at line (\d+)", told)
+    line = re.search(r"at line (\d+)", reason)
     if line is None:
         return ""
     key = text.splitlines()[int(line[1]) - 1].partition("=")[0]
@@ -203,14 +211,16 @@ def parse_problem_file(
     text: str,
     base_dir: str | Path = ".",
     name: str = "problem",
-    place: Callable[[StatedMesh], Mesh] | None = None,
+    make_mesh: Callable[[StatedMesh], Mesh] | None = None,
     changes: Sequence[Change] = (),
+    code: Sequence[str] = (),
 ) -> ProblemFile:
     """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
 
-    ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
-    ``changes`` replace what the file says, before anything of it is read.
+    ``make_mesh`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
+    ``changes`` replace what the file says, before anything of it is read. ``code`` is as for :func:`read_problem`.
     """
+    checked_code(code)
     try:
         data = tomllib.loads(text)
         _refuse_deep(data)
@@ -231,14 +241,14 @@ def parse_problem_file(
     units = _units(top.table("units", KEYS["units"]))
     folder, table = Path(base_dir), _mesh_table(top)
     stated = read_mesh_table(table, folder)
-    mesh = stated.build() if place is None else place(stated)
+    mesh = stated.build() if make_mesh is None else make_mesh(stated)
     levels = stated.recipe.halvings + stated.recipe.refine
     field = _field(top, table, stated, mesh) if of_one else None
-    material = read_material(top.table("material", None if of_one else KEYS["material"]), mesh, field)
+    material = read_material(top.table("material", None), mesh, field, code)
     keys = keys_of(ContactProblem, table="loads", by=OF_ONE) if of_one else KEYS["loads"]
     loads = read_loads(top.table("loads", keys), mesh, of_one)
     supports = read_supports(top, mesh, of_one)
-    contact = read_contacts(top, mesh, folder, of_one)
+    contact = read_contacts(top, mesh, folder, of_one, code)
     time, output = _read_in_time(top, mesh, material.inert, field)
     if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
         raise table.error(
@@ -264,7 +274,7 @@ def parse_problem_file(
     if "heat" in top:
         if time is None:
             raise top.error("heat", "depends on time; add a table [time], or remove it")
-        heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
+        heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder, code))
     return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes))
 
 
@@ -293,14 +303,14 @@ def _inside(value: object) -> Iterable[object]:
 
 def _units(table: TomlTable) -> Units:
     """Units for labels, one checked by one so that the message names its key."""
-    found = Units()
+    units = Units()
     for key in table.data:
         text = table.text(key)
         try:
-            found = replace(found, **{key: text})
+            units = replace(units, **{key: text})
         except ProblemError:
             raise table.error(key, "is no unit; give a short text, such as 'mm', without '$'") from None
-    return found
+    return units
 
 
 # ---- writing ----------------------------------------------------------------------------------------------
@@ -387,17 +397,17 @@ def _as_file(problem: ContactProblem | ManufacturedProblem | ProblemFile) -> Pro
 def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, name: str, files: _Beside | None) -> str:
     """The text, from which the same problem comes back."""
     text = _text(stated, settings, folder, files)
-    found = parse_problem_file(text, folder, name)
-    place = (
-        difference(stated.problem, found.problem)
-        or difference(settings, found.solver, "solver")
-        or difference(stated.time, found.time, "time")
-        or difference(stated.output, found.output, "output")
-        or difference(stated.heat, found.heat, "heat")
+    again = parse_problem_file(text, folder, name, code=loaded_code())
+    differs = (
+        difference(stated.problem, again.problem)
+        or difference(settings, again.solver, "solver")
+        or difference(stated.time, again.time, "time")
+        or difference(stated.output, again.output, "output")
+        or difference(stated.heat, again.heat, "heat")
     )
-    if place is not None:
+    if differs is not None:
         raise ProblemError(
-            f"{place} would be read back differently from a problem file, which cannot express it; state it by "
+            f"{differs} would be read back differently from a problem file, which cannot express it; state it by "
             f"numbers, "
             f"formulas as text, and the laws that 'hemivar laws' lists"
         )
@@ -482,13 +492,13 @@ def _read_in_time(
 def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict[str, object]:
     """The tables [time], [output] and [units]."""
     units = stated.units.record()
-    found: dict[str, object] = {"units": units} if units else {}
+    records: dict[str, object] = {"units": units} if units else {}
     if stated.time is not None:
         with IMPORTS:
             from hemivar.files.time_table import output_record, time_record
-        found["time"] = time_record(stated.time, scalar)
-        found["output"] = output_record(stated.time.march, stated.output)
-    return found
+        records["time"] = time_record(stated.time, scalar)
+        records["output"] = output_record(stated.time.march, stated.output)
+    return records
 
 
 def _encoded(data: dict[str, object], settings: SolverSettings) -> str:

@@ -24,29 +24,16 @@ _Chain = tuple[list[Formula], list[str]]
 
 @dataclass(frozen=True)
 class Condition:
-    """Where formulas of the place compare so: by ``< <= > >=``, joined by ``and`` and ``or`` (which binds less).
-
-    Parameters
-    ----------
-    text : str
-        The condition.
-    where : str
-        Where it stands, put before every message.
-
-    Raises
-    ------
-    ProblemError
-        If the text is no condition.
-    """
+    """Where formulas of the place compare so: by ``< <= > >=``, joined by ``and`` and ``or`` (which binds less)."""
 
     text: str
     where: str = ""
-    _ways: list[list[_Chain]] = field(init=False, repr=False, compare=False)
+    _clauses: list[list[_Chain]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         text = expect(self.text, str, f"{self.where}: a condition", "give a text, such as 'x > 1'")
-        ways = [[self._chain(part) for part in re.split(r"\band\b", way)] for way in re.split(r"\bor\b", text)]
-        object.__setattr__(self, "_ways", ways)
+        clauses = [[self._chain(part) for part in re.split(r"\band\b", clause)] for clause in re.split(r"\bor\b", text)]
+        object.__setattr__(self, "_clauses", clauses)
 
     def _chain(self, text: str) -> _Chain:
         words = _SIGNS.split(text)
@@ -59,8 +46,8 @@ class Condition:
 
     def __call__(self, points: Array) -> BoolArray:
         """Whether it holds at points (k, d), (k,)."""
-        every = [[self._holds(chain, points) for chain in way] for way in self._ways]
-        return reduce(np.logical_or, [reduce(np.logical_and, way) for way in every])
+        every = [[self._holds(chain, points) for chain in clause] for clause in self._clauses]
+        return reduce(np.logical_or, [reduce(np.logical_and, clause) for clause in every])
 
     def _holds(self, chain: _Chain, points: Array) -> BoolArray:
         values, signs = [formula(points) for formula in chain[0]], chain[1]

@@ -1,4 +1,4 @@
-"""Functions of several variables on boxes: bounds of second derivatives, and ranges enclosed by cutting boxes."""
+"""Branch and bound on boxes: interval bounds of second derivatives, and enclosed ranges, of several variables."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.formula.expansion import _filled, _Jet, _through
 from hemivar.formula.graph import Graph
 from hemivar.formula.intervals import Pair, mended
+from hemivar.formula.smooth import MOST_PARTS
 
 __all__ = ["BoxVariable", "EnclosedRange", "enclosed_range", "second_derivatives"]
 
-#: Boxes that are looked at for one question.
-_MOST_BOXES = 20_000
-#: Part of the least and of the largest value by which the range may be wider than what was seen, and what is no part.
-_TIGHT, _LEAST = 5e-3, 1e-300
+#: Part of the least and of the largest value by which the range may be wider than what was seen.
+_TIGHT = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +35,10 @@ def second_derivatives(graph: Graph, node: int, variables: Mapping[str, BoxVaria
     """
     first = next(iter(variables.values()))
     p, count = first.slope[0].shape
-    jets = {name: _Jet(mended(*one.value), mended(*one.slope), one.bend) for name, one in variables.items()}
+    jets = {name: _Jet(mended(*box.value), mended(*box.slope), box.bend) for name, box in variables.items()}
     with np.errstate(all="ignore"):
-        found = _through(graph, node, jets, p)
-    low, high = _filled(found.bend, p * (p + 1) // 2, count)
+        jet = _through(graph, node, jets, p)
+    low, high = _filled(jet.bend, p * (p + 1) // 2, count)
     return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
 
 
@@ -67,7 +66,7 @@ def enclosed_range(
     lower, upper = np.inf, -np.inf
     least, largest = np.inf, -np.inf
     least_at = largest_at = np.zeros(low.size)
-    looked_at = 0
+    looked_at, tiny = 0, float(np.finfo(float).tiny)
     while True:
         near = np.clip(0.0, *boxes)
         keep = inside(near)
@@ -89,10 +88,10 @@ def enclosed_range(
             np.concatenate(pair) for pair in zip(waiting, (*boxes, below[len(at) :], above[len(at) :]), strict=True)
         )
         # how far bounds are from what was seen, relative: boxes with the widest are cut first
-        wide = np.maximum((least - below) / max(abs(least), _LEAST), (above - largest) / max(abs(largest), _LEAST))
+        wide = np.maximum((least - below) / max(abs(least), tiny), (above - largest) / max(abs(largest), tiny))
         wide = np.where(np.isnan(wide), np.inf, wide)
         open_ = wide > _TIGHT
-        if looked_at > _MOST_BOXES or not np.isfinite(least):
+        if looked_at > MOST_PARTS or not np.isfinite(least):
             open_[:] = False
         lower = min(lower, float(below[~open_].min(initial=np.inf)))
         upper = max(upper, float(above[~open_].max(initial=-np.inf)))
@@ -109,5 +108,5 @@ def enclosed_range(
         first_end, last_start = last.copy(), first.copy()
         first_end[rows, side] = last_start[rows, side] = cut
         boxes = (np.concatenate([first, last_start]), np.concatenate([first_end, last]))
-    places = (tuple(np.asarray(place).tolist()) for place in (least_at, largest_at))
+    places = (tuple(np.asarray(corner).tolist()) for corner in (least_at, largest_at))
     return EnclosedRange(lower, upper, least, largest, *places)

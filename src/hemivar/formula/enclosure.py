@@ -1,4 +1,4 @@
-"""Bounds of an expression over intervals, rounding included, and on rays by how fast its parts grow and decay."""
+"""Interval enclosures of an expression, rounding included; on rays by how fast its parts grow and decay."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def enclosed_parts(
     low, high = next(iter(sides.values()))
     for i, op, arguments, leaf, done in graph.program(graph.gathered(node)):
         with np.errstate(all="ignore"):
-            one = sides[str(leaf)] if op == "name" else _one_enclosed(graph, op, leaf, arguments, kept, low, high)
-        yield op, arguments, [kept[a] for a in arguments], one
-        kept[i] = one
+            enclosed = sides[str(leaf)] if op == "name" else _one_enclosed(graph, op, leaf, arguments, kept, low, high)
+        yield op, arguments, [kept[a] for a in arguments], enclosed
+        kept[i] = enclosed
         for a in done:
             del kept[a]
 

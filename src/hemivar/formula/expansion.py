@@ -1,4 +1,4 @@
-"""Quadratic polynomials near to an expression on simplices, with a proved bound of the difference, rounding included.
+"""Taylor models of expressions on simplices: quadratic polynomials with a proved remainder, rounding included.
 
 Value, first and second derivatives go through the graph together, each as an interval over the whole simplex. With the
 point ``x = x_c + E xi``, ``xi`` the barycentric coordinates of all vertices but the first less those of the centroid,
@@ -87,7 +87,7 @@ def _best(jet: _Jet, middle: _Jet, count: int, p: int) -> Expansion:
     offs = [_radius(low, high)]
     offs.append(_radius(*at) + far * _radius(*slope).sum(axis=0))
     offs.append(_radius(*at) + far * _radius(*first).sum(axis=0) + most @ _radius(*bend))
-    off = np.array([np.where(np.isnan(one), np.inf, one) for one in offs])
+    off = np.array([np.where(np.isnan(width), np.inf, width) for width in offs])
     degree = np.argmin(off, axis=0)
     value = np.where(degree == 0, _middle(low, high), _middle(*at))
     slopes = np.where(degree == 0, 0.0, np.where(degree == 1, _middle(*slope), _middle(*first)))
@@ -107,8 +107,8 @@ def _radius(low: Array, high: Array) -> Array:
 
 
 def _middle(low: Array, high: Array) -> Array:
-    found = 0.5 * low + 0.5 * high
-    return np.asarray(np.where(np.isfinite(found), found, 0.0))
+    middle = 0.5 * low + 0.5 * high
+    return np.asarray(np.where(np.isfinite(middle), middle, 0.0))
 
 
 # ---- through the graph ------------------------------------------------------------------------------------
@@ -145,8 +145,8 @@ def _operated(op: str, inner: Sequence[_Jet], exponent: float | None, p: int) ->
         if exponent is not None:
             return _composed(inner[0], "^", exponent, p)
         logarithm = _product(inner[1], _composed(inner[0], "log", None, p), p)
-        found = _composed(logarithm, "exp", None, p)
-        return _Jet(mended(*power(inner[0].value, inner[1].value, None)), found.slope, found.bend)
+        jet = _composed(logarithm, "exp", None, p)
+        return _Jet(mended(*power(inner[0].value, inner[1].value, None)), jet.slope, jet.bend)
     if op in ("min", "max"):
         return _chosen(op, inner[0], inner[1])
     if op in ENCLOSED and len(inner) == 1:
@@ -175,13 +175,13 @@ def _outer(x: Pair | None, y: Pair | None, p: int) -> Pair | None:
     if x is None or y is None:
         return None
     rows, columns = np.triu_indices(p)
-    one = mended(*ENCLOSED["*"]((x[0][rows], x[1][rows]), (y[0][columns], y[1][columns])))
+    product = mended(*ENCLOSED["*"]((x[0][rows], x[1][rows]), (y[0][columns], y[1][columns])))
     if x is y:
         same = rows == columns
-        one[0][same] = np.maximum(one[0][same], 0.0)
-        return one
-    other = mended(*ENCLOSED["*"]((x[0][columns], x[1][columns]), (y[0][rows], y[1][rows])))
-    return mended(one[0] + other[0], one[1] + other[1])
+        product[0][same] = np.maximum(product[0][same], 0.0)
+        return product
+    swapped = mended(*ENCLOSED["*"]((x[0][columns], x[1][columns]), (y[0][rows], y[1][rows])))
+    return mended(product[0] + swapped[0], product[1] + swapped[1])
 
 
 def _product(x: _Jet, y: _Jet, p: int) -> _Jet:
@@ -206,24 +206,24 @@ def _function(op: str, u: Pair, exponent: float | None) -> tuple[Pair, Pair, Pai
         assert exponent is not None
         return _powers(u, exponent)
     if op == "inverse":
-        one = np.ones_like(u[0])
-        value = _do("/", (one, one), u)
+        unit = np.ones_like(u[0])
+        value = _do("/", (unit, unit), u)
         square = _powers(value, 2.0)[0]
         return value, _negative(square), _scaled(2.0, _do("*", square, value))
     value = mended(*ENCLOSED[op](u))
-    one, zero = np.ones_like(u[0]), np.zeros_like(u[0])
+    unit, zero = np.ones_like(u[0]), np.zeros_like(u[0])
     if op in ("sin", "cos", "tanh"):
         value = np.clip(value[0], -1.0, 1.0), np.clip(value[1], -1.0, 1.0)
     match op:
         case "neg":
-            return value, (-one, -one), (zero, zero)
+            return value, (-unit, -unit), (zero, zero)
         case "sin":
             return value, _do("cos", u), _negative(value)
         case "cos":
             return value, _negative(_do("sin", u)), _negative(value)
         case "tan" | "tanh":
             square = _powers(value, 2.0)[0]
-            first = _do("+" if op == "tan" else "-", (one, one), square)
+            first = _do("+" if op == "tan" else "-", (unit, unit), square)
             if op == "tanh":
                 first = np.clip(first[0], 0.0, 1.0), np.clip(first[1], 0.0, 1.0)
             return value, first, _scaled(2.0 if op == "tan" else -2.0, _do("*", value, first))
@@ -233,7 +233,7 @@ def _function(op: str, u: Pair, exponent: float | None) -> tuple[Pair, Pair, Pai
             first = _function("inverse", u, None)[0]
             return value, first, _negative(_powers(first, 2.0)[0])
         case "sqrt":
-            first = _scaled(0.5, _do("/", (one, one), value))
+            first = _scaled(0.5, _do("/", (unit, unit), value))
             return value, first, _scaled(-0.5, _do("/", first, u))
         case _:  # abs
             up, down = u[0] >= 0.0, u[1] <= 0.0
@@ -279,9 +279,9 @@ def _chosen(op: str, a: _Jet, b: _Jet) -> _Jet:
     def of(x: Pair | None, y: Pair | None, kink: bool) -> Pair | None:
         if x is None and y is None and not kink:
             return None
-        pairs = [one for one in (x, y) if one is not None]
+        pairs = [pair for pair in (x, y) if pair is not None]
         shape = pairs[0][0].shape if pairs else ()
-        x, y = ((np.zeros(shape),) * 2 if one is None else one for one in (x, y))
+        x, y = ((np.zeros(shape),) * 2 if pair is None else pair for pair in (x, y))
         low = np.full(shape, -np.inf) if kink else np.minimum(x[0], y[0])
         high = np.full(shape, np.inf) if kink else np.maximum(x[1], y[1])
         return tuple(np.where(first, x[i], np.where(second, y[i], end)) for i, end in enumerate((low, high)))  # type: ignore[return-value]

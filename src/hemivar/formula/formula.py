@@ -83,15 +83,15 @@ class Formula:
             Whether none is missing; False where what is compared is too intricate, or changes too often.
         """
         reach = max(abs(start), abs(end))
-        alone = [one for one in self._graph.switching(self._node) if self._graph.names(one) == frozenset({TIME})]
+        alone = [node for node in self._graph.switching(self._node) if self._graph.names(node) == frozenset({TIME})]
         if not alone or not 0.0 < reach < np.inf:
             return np.zeros(0), True
         switches = Switches(self._graph, TIME, reach, f"{self._prefix}formula '{shown(self.text)}'")
         try:
-            found = np.unique(np.concatenate([switches.zeros(one) for one in alone]))
+            times = np.unique(np.concatenate([switches.zeros(node) for node in alone]))
         except ProblemError:
             return np.zeros(0), False
-        return found[(found > start) & (found < end)], switches.sure
+        return times[(times > start) & (times < end)], switches.sure
 
     def refuse_pole_in_time(self, start: float, end: float) -> None:
         """Refuse a formula of t alone that has a pole, or no value, between two times.
@@ -112,22 +112,12 @@ class Formula:
         ends = np.concatenate([[start], places[(places > start) & (places < end)], [end]])
         nodes = self._graph.branches(self._node, TIME, 0.5 * (ends[1:] + ends[:-1])).tolist()
         pieces = [SmoothFormula(self._graph, node, TIME) for node in nodes]
-        found = pole_of_pieces(pieces, ends, reach)
-        if found is not None and found.sure:
-            raise ProblemError(f"{name} {found.words(TIME, 'an end of the time')}")
+        pole = pole_of_pieces(pieces, ends, reach)
+        if pole is not None and pole.sure:
+            raise ProblemError(f"{name} {pole.words(TIME, 'an end of the time')}")
 
     def __call__(self, points: Array, t: float | None = None) -> Array:
-        """Values at points, and at a time if the formula uses t.
-
-        Parameters
-        ----------
-        points : array, shape (k, d)
-        t : float, optional
-
-        Returns
-        -------
-        array, shape (k,)
-        """
+        """Values (k,) at points (k, d), and at a time if the formula uses t."""
         points = np.asarray(points, dtype=float)
         at = dict(zip(VARIABLES, points.T, strict=False))
         if t is not None:
@@ -172,12 +162,12 @@ class Formula:
         points = np.asarray(points, dtype=float)
         at = dict(zip(VARIABLES, points.T, strict=False))
         with np.errstate(all="ignore"):
-            found = slopes(self._graph, self._node, at, list(at))
-        rates = np.column_stack([np.broadcast_to(rate, (len(points),)) for rate in found])
+            partial = slopes(self._graph, self._node, at, list(at))
+        rates = np.column_stack([np.broadcast_to(rate, (len(points),)) for rate in partial])
         bad = ~np.isfinite(rates).all(axis=1)
         if bad.any():
-            place = ", ".join(f"{name} = {c:.6g}" for name, c in zip(VARIABLES, points[np.argmax(bad)], strict=False))
-            raise ProblemError(f"{self._prefix}formula '{self.text}' has no finite derivative at {place}")
+            words = ", ".join(f"{name} = {c:.6g}" for name, c in zip(VARIABLES, points[np.argmax(bad)], strict=False))
+            raise ProblemError(f"{self._prefix}formula '{self.text}' has no finite derivative at {words}")
         return rates
 
     def expansion(self, corners: Array, t: float | None = None) -> Expansion:
@@ -199,8 +189,8 @@ class Formula:
         if bad.any():
             first = int(np.argmax(bad))
             named = [*zip(VARIABLES, points[first], strict=False), *([(TIME, t)] if t is not None else [])]
-            place = ", ".join(f"{name} = {c:.6g}" for name, c in named)
-            raise ProblemError(f"{self._prefix}formula '{self.text}' is {values[first]:.6g} at {place}; {remedy}")
+            words = ", ".join(f"{name} = {c:.6g}" for name, c in named)
+            raise ProblemError(f"{self._prefix}formula '{self.text}' is {values[first]:.6g} at {words}; {remedy}")
 
 
 @dataclass(frozen=True)
@@ -239,20 +229,6 @@ class ScalarFormula:
     The functions are those of :class:`Formula` and ``piecewise((value, condition), ..., last)``, whose conditions
     compare (``<  <=  >  >=``, also ``0 <= r < 1``) and are tried from the left; the last entry may be a plain value,
     which holds everywhere else, and so does the condition ``True``.
-
-    Parameters
-    ----------
-    text : str
-        The formula.
-    variable : str
-        Name of the variable.
-    where : str
-        Where it stands, put before every message.
-
-    Raises
-    ------
-    ProblemError
-        If the text is not a formula; the message names the character.
     """
 
     text: str
@@ -281,28 +257,19 @@ class ScalarFormula:
         return SmoothFormula(self.graph, self.node, self.variable)(r)
 
     def switches(self, reach: float) -> tuple[Array, bool]:
-        """Where branches may change: zeros of what abs, min, max and conditions compare.
+        """Where branches may change: zeros of what abs, min, max and conditions compare, and whether none is missing.
 
-        Returns
-        -------
-        places : array (k,)
-            Increasing; within ``[-reach, reach]``, and far beyond where what is compared is linear.
-        sure : bool
-            Whether none is missing; False where one of the differences is too intricate, and was sampled.
-
-        Raises
-        ------
-        ProblemError
-            If there are too many of them.
+        They lie within the reach, and far beyond where what is compared is linear; one is missing at most where a
+        difference is too intricate, and was sampled.
         """
-        found = Switches(self.graph, self.variable, reach, self.shown)
-        return found.breaks(self.node), found.sure
+        own = Switches(self.graph, self.variable, reach, self.shown)
+        return own.breaks(self.node), own.sure
 
     def branches(self, places: Array) -> list[SmoothFormula]:
         """The functions without switches that hold around some places."""
         nodes = self.graph.branches(self.node, self.variable, np.asarray(places, dtype=float))
         return [SmoothFormula(self.graph, node, self.variable) for node in nodes.tolist()]
 
-    def branch(self, place: float) -> SmoothFormula:
+    def branch(self, at: float) -> SmoothFormula:
         """The function without switches that holds around ``place``."""
-        return self.branches(np.array([place]))[0]
+        return self.branches(np.array([at]))[0]

@@ -86,9 +86,9 @@ class Graph:
     def node(self, op: str, *arguments: int, leaf: Leaf = 0.0) -> int:
         """The node of an operation, as it is written: an old one if there is one."""
         key = (op, arguments, leaf if leaf == leaf else "nan")
-        found = self._index.get(key)
-        if found is not None:
-            return found
+        known = self._index.get(key)
+        if known is not None:
+            return known
         if len(self._nodes) >= _MOST_NODES:
             raise ProblemError(
                 f"{self.prefix}the formula and its derivatives have more than {_MOST_NODES} parts; simplify it, or "
@@ -168,9 +168,9 @@ class Graph:
             a, b, x, y = b, a, y, x
         if x == -1.0:
             return self.negative(b)
-        for one, other in ((a, b), (b, a)):
-            if (inner := self._negated(one)) is not None:
-                return self.negative(self.times(inner, other))
+        for left, right in ((a, b), (b, a)):
+            if (inner := self._negated(left)) is not None:
+                return self.negative(self.times(inner, right))
         op, arguments, _ = self._nodes[b]
         if x is not None and op == "*" and (first := self._plain(arguments[0])) is not None:
             return self.times(self.number(x * first), arguments[1])
@@ -232,9 +232,9 @@ class Graph:
 
     def program(self, node: int) -> list[Step]:
         """The nodes below a node in order, each with the nodes that nobody needs after it."""
-        found = self._programs.get(node)
-        if found is not None:
-            return found
+        known = self._programs.get(node)
+        if known is not None:
+            return known
         needed, stack = {node}, [node]
         while stack:
             for argument in self._nodes[stack.pop()][1]:
@@ -361,13 +361,13 @@ class Graph:
 
     def switching(self, node: int) -> list[int]:
         """Nodes whose zeros are the places where a switch below a node may change."""
-        found: dict[int, None] = {}
+        switches: dict[int, None] = {}
         for _, op, arguments, _, _ in self.program(node):
             if op == "abs":
-                found[arguments[0]] = None
+                switches[arguments[0]] = None
             elif op in ("min", "max") or op in _COMPARISONS:
-                found[self.minus(*arguments)] = None
-        return list(found)
+                switches[self.minus(*arguments)] = None
+        return list(switches)
 
     def branches(self, node: int, variable: str, places: Array) -> IntArray:
         """The nodes without switches that hold at some places, one for each of them."""

@@ -1,4 +1,4 @@
-"""Poles of formulas: places where a part divides by zero, or has no value, found or excluded by intervals."""
+"""Poles of formulas, where a part divides by zero or has no value: isolated or excluded by interval bisection."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.formula.enclosure import without_pole
 from hemivar.formula.graph import Graph
-from hemivar.formula.smooth import SmoothFormula, inner_place, parts_of
+from hemivar.formula.smooth import MOST_PARTS, WIDE, SmoothFormula, inner_place, parts_of
 
-__all__ = ["Pole", "pole_in_box", "pole_of_pieces", "pole_words"]
+__all__ = ["NARROW", "NARROWEST", "Pole", "pole_in_box", "pole_of_pieces", "pole_words"]
 
-#: Parts that are looked at for one question, and at once, and boxes at once: few, so that one is soon small.
-_MOST_PARTS, _MOST_BOXES, _AT_ONCE, _BOXES = 20_000, 5_000, 256, 16
+#: Parts, and boxes, that are looked at at once: few, so that one is soon small.
+_AT_ONCE, _BOXES = 256, 16
 #: A part that is not wider than this part of its distance to zero, or of the reach, is one place.
-_NARROW, _NARROWEST = 1e-13, 1e-18
+NARROW, NARROWEST = 1e-13, 1e-18
 #: Parts nearer than this to the end of a piece, relative to their distance to zero and the reach, touch it.
 _TOUCHES = 4.0
-#: Places nearer to zero than this part of the reach lie at zero; farther than this many reaches nothing is looked at.
-_ZERO, _FARTHEST = 1e-15, 1e9
+#: Places nearer to zero than this part of the reach lie at zero.
+_ZERO = 1e-15
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,15 @@ def pole_of_pieces(branches: Sequence[SmoothFormula], ends: Array, reach: float)
     Shapes: ``branches`` (k,), ``ends`` (k + 1,).
     """
     doubt = None
-    for i, place in enumerate(ends[1:-1].tolist()):
-        if not np.isfinite([branch(np.array(place)) for branch in branches[i : i + 2]]).all():
-            return Pole(place, True)
+    for i, end in enumerate(ends[1:-1].tolist()):
+        if not np.isfinite([branch(np.array(end)) for branch in branches[i : i + 2]]).all():
+            return Pole(end, True)
     for node in dict.fromkeys(branch.node for branch in branches):
         here = np.array([i for i, branch in enumerate(branches) if branch.node == node])
-        found = _pole(branches[here[0]], ends[here], ends[here + 1], reach)
-        if found is not None and found.sure:
-            return found
-        doubt = doubt or found
+        pole = _pole(branches[here[0]], ends[here], ends[here + 1], reach)
+        if pole is not None and pole.sure:
+            return pole
+        doubt = doubt or pole
     return doubt
 
 
@@ -77,28 +77,28 @@ def _pole(smooth: SmoothFormula, low: Array, high: Array, reach: float) -> Pole 
     left, right = parts_of(low, high, reach)
     nearest_last = np.argsort(-_distance(left, right), kind="stable")
     left, right = left[nearest_last], right[nearest_last]
-    found, looked_at = None, 0
+    pole, looked_at = None, 0
     while left.size:
         left, first = left[:-_AT_ONCE], left[-_AT_ONCE:]
         right, last = right[:-_AT_ONCE], right[-_AT_ONCE:]
         open_ = ~smooth.without_pole(first, last)
         first, last = first[open_], last[open_]
         looked_at += first.size
-        narrow = np.maximum(_NARROW * _distance(first, last), _NARROWEST * reach)
+        narrow = np.maximum(NARROW * _distance(first, last), NARROWEST * reach)
         middle = inner_place(first, last, reach)
         small = (last - first <= narrow) | (middle <= first) | (middle >= last)
         inside = middle[small & (np.abs(middle[:, None] - corners).min(axis=1) > _TOUCHES * narrow)]
         if inside.size:
-            place = float(inside[np.argmin(np.abs(inside))])
-            found = Pole(place if abs(place) > _ZERO * reach else 0.0, True)
-        elif looked_at > _MOST_PARTS or (np.abs(middle) > _FARTHEST * reach).any():
-            return found or Pole(float(middle[0]), False)
+            nearest = float(inside[np.argmin(np.abs(inside))])
+            pole = Pole(nearest if abs(nearest) > _ZERO * reach else 0.0, True)
+        elif looked_at > MOST_PARTS or (np.abs(middle) > WIDE * reach).any():
+            return pole or Pole(float(middle[0]), False)
         first, middle, last = first[~small], middle[~small], last[~small]
         left, right = np.concatenate([left, first, middle]), np.concatenate([right, middle, last])
-        if found is not None:  # one that is nearer to zero may be left
-            nearer = _distance(left, right) < abs(found.place)
+        if pole is not None:  # one that is nearer to zero may be left
+            nearer = _distance(left, right) < abs(pole.place)
             left, right = left[nearer], right[nearer]
-    return found
+    return pole
 
 
 def _distance(low: Array, high: Array) -> Array:
@@ -112,9 +112,9 @@ def pole_in_box(
     """A place in a box at which an expression of several variables has a pole or no value; None if none was found."""
     names, ends = list(sides), np.array(list(sides.values()))
     left, right = ends[None, :, 0], ends[None, :, 1]
-    narrow = _NARROW * (ends[:, 1] - ends[:, 0])
+    narrow = NARROW * (ends[:, 1] - ends[:, 0])
     looked_at = 0
-    while left.size and looked_at <= _MOST_BOXES:
+    while left.size and looked_at <= MOST_PARTS:
         left, first = left[:-_BOXES], left[-_BOXES:]
         right, last = right[:-_BOXES], right[-_BOXES:]
         boxes = dict(zip(names, zip(first.T, last.T, strict=True), strict=True))
@@ -139,6 +139,6 @@ def pole_in_box(
 def _in_all_branches(graph: Graph, node: int, names: Sequence[str], low: Array, high: Array) -> bool:
     """Whether every branch that holds in a corner of a box has a pole in it: else it may lie where another holds."""
     corners = np.array(np.meshgrid(*np.column_stack([low, high]), indexing="ij")).reshape(len(names), -1)
-    found = np.unique(graph.branches_at(node, dict(zip(names, corners, strict=True)))).tolist()
+    branches = np.unique(graph.branches_at(node, dict(zip(names, corners, strict=True)))).tolist()
     boxes = {name: (low[i : i + 1], high[i : i + 1]) for i, name in enumerate(names)}
-    return not any(without_pole(graph, branch, boxes)[0] for branch in found)
+    return not any(without_pole(graph, branch, boxes)[0] for branch in branches)

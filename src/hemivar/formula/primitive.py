@@ -1,4 +1,4 @@
-"""Integrals of smooth formulas: Gauss's rule on parts that are halved until two rules agree."""
+"""Antiderivatives of smooth formulas: adaptive Gauss quadrature, parts halved until two rules agree."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.formula.smooth import SmoothFormula
+from hemivar.formula.smooth import MOST_PARTS, SmoothFormula
 
 __all__ = ["Primitive"]
 
@@ -17,8 +17,6 @@ _HALVINGS, _ROUNDING = 40, 2e-15
 #: Parts of an interval at first, which grow by 4 from both of its ends: what is narrow there is seen at its own size.
 _GRADES = 4.0 ** np.arange(-15.0, 0.0)
 _CUTS = np.concatenate([_GRADES, [0.5], 1.0 - _GRADES[::-1]])
-#: Parts that are halved at most.
-_MOST_PARTS = 50_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +44,7 @@ class Primitive:
                 apart = np.abs(fine - _gauss(slope, low, high, _COARSE))
             size = _gauss(slope, low, high, _FINE, absolute=True)
             of_bend = _gauss(bend, low, high, _FINE, absolute=True)
-            more = halving < _HALVINGS - 1 and low.size < _MOST_PARTS
+            more = halving < _HALVINGS - 1 and low.size < MOST_PARTS
             with np.errstate(under="ignore"):
                 spread = np.maximum(np.abs(low), np.abs(high)) * of_bend
                 rough = ~(apart <= _ROUNDING * (size + spread)) & more
@@ -60,9 +58,9 @@ class Primitive:
         left, right = -np.cumsum(parts[:anchor][::-1])[::-1], np.cumsum(parts[anchor:])
         return cls(slope, ends, np.concatenate([left, [0.0], right]))
 
-    def through(self, place: float, value: float) -> Primitive:
+    def through(self, r: float, value: float) -> Primitive:
         """The integral that has this value at a place."""
-        return Primitive(self.slope, self.ends, self.sums + (value - float(self(np.array([place]))[0])))
+        return Primitive(self.slope, self.ends, self.sums + (value - float(self(np.array([r]))[0])))
 
     def __call__(self, r: Array) -> Array:
         """Values at ``r``, of its shape."""

@@ -1,4 +1,4 @@
-"""Reads formulas safely: only arithmetic and a few functions, no Python."""
+"""Parser of formulas: only arithmetic and a few functions, no Python is run."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ _COMPARISONS: Mapping[type[ast.AST], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt:
 _PIECEWISE = "piecewise"
 _FOREIGN = re.compile(r"[^A-Za-z0-9_+\-*/^()., ]")
 _FOREIGN_TO_PIECES = re.compile(r"[^A-Za-z0-9_+\-*/^()., <>=]")
-_LONGEST = 1000
-_DEEPEST = 200
+#: Characters of a formula, and how deeply it may be nested: far below what Python recurses to, 1000.
+_LONGEST, _DEEPEST = 1000, 200
 
 
 class Reader:
@@ -50,20 +50,20 @@ class Reader:
         self.variables = tuple(variables)
         self.pieces = pieces
         code, self.places = "", []
-        for place, character in enumerate(text):
+        for index, character in enumerate(text):
             piece = "**" if character == "^" else " " if character.isspace() else character
             code += piece
-            self.places += [place] * len(piece)
+            self.places += [index] * len(piece)
         self.skipped = len(code) - len(code.lstrip())
         self.code = code.strip()
 
     def error(self, what: str, column: int | None = None) -> ProblemError:
         """The error to raise; ``column`` counts from zero in the code that is parsed."""
-        place = ""
+        where = ""
         if column is not None and self.places:
             index = min(max(column + self.skipped, 0), len(self.places) - 1)
-            place = f" at character {self.places[index] + 1}"
-        return ProblemError(f"{self.prefix}formula '{shown(self.text)}'{place}: {what}")
+            where = f" at character {self.places[index] + 1}"
+        return ProblemError(f"{self.prefix}formula '{shown(self.text)}'{where}: {what}")
 
     def graph(self) -> tuple[Graph, int]:
         """The formula as a node of a graph."""
@@ -217,7 +217,7 @@ def _planted(tree: ast.expr, graph: Graph) -> int:
             return graph.node("piecewise", *arguments)
         case ast.Call(func=ast.Name(id=name), args=several):
             return (
-                functools.reduce(lambda a, b: graph.node(name, a, b), [_planted(one, graph) for one in several])
+                functools.reduce(lambda a, b: graph.node(name, a, b), [_planted(branch, graph) for branch in several])
                 if (len(several) > 1)
                 else graph.node(name, _planted(several[0], graph))
             )

@@ -16,17 +16,17 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.formula.enclosure import enclosed, tail, without_pole
 from hemivar.formula.graph import Graph
 
-__all__ = ["WIDE", "SmoothFormula", "Supremum", "graded", "inner_place", "parts_of", "supremum_of_pieces"]
+__all__ = ["MOST_PARTS", "WIDE", "SmoothFormula", "Supremum", "graded", "inner_place", "parts_of", "supremum_of_pieces"]
 
 #: How much farther than the reach zeros are found of functions that are linear.
 WIDE = 1e6
-#: Parts of an interval that are looked at at once, and nodes times parts in all, for one question.
-_MOST_PARTS = 20_000
+#: Parts of an interval that are looked at for one question.
+MOST_PARTS = 20_000
+#: Nodes times parts for one question: 0.08 s of an AMD EPYC.
 _MOST_WORK = 3e6
 #: Bounds that are wider than those of one value by this factor at most are owed to rounding.
 _NOISE = 4.0
-#: Intervals up to which each is cut in graded parts, and how often these grow by 4.
-_FEW = 20
+#: How often graded parts grow by 4: from 4^-27 = 6e-17 of an interval, its rounding, on.
 _GRADES = 27
 #: Parts that cost as much as the call itself.
 _OVERHEAD = 500
@@ -100,10 +100,10 @@ class SmoothFormula:
         slope = self.derivative()
         if slope.constant:
             at_zero, rate = float(self(np.zeros(1))[0]), float(slope(np.zeros(1))[0])
-            place = -at_zero / rate if rate != 0.0 and np.isfinite(rate) else np.inf
-            return np.array([place + 0.0] if abs(place) <= WIDE * reach else [])
-        found, (rest, _) = self.isolated(np.array([-reach, 0.0]), np.array([0.0, reach]), 1e-3 * reach)
-        return None if rest.size else found
+            zero = -at_zero / rate if rate != 0.0 and np.isfinite(rate) else np.inf
+            return np.array([zero + 0.0] if abs(zero) <= WIDE * reach else [])
+        inside, (rest, _) = self.isolated(np.array([-reach, 0.0]), np.array([0.0, reach]), 1e-3 * reach)
+        return None if rest.size else inside
 
     def isolated(
         self, low: Array, high: Array, finest: float, most: float = _MOST_WORK
@@ -121,7 +121,7 @@ class SmoothFormula:
         size = self.graph.size(self.node) + self.graph.size(slope.node)
         while low.size:
             self.graph.work += (low.size + _OVERHEAD) * size
-            if low.size > _MOST_PARTS or self.graph.work > most:
+            if low.size > MOST_PARTS or self.graph.work > most:
                 break
             below, above = self.enclosed(low, high)
             here = (below <= 0.0) & (above >= 0.0)
@@ -137,8 +137,8 @@ class SmoothFormula:
             low, high = low[~small], high[~small]
             middle = 0.5 * (low + high)
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        found = [self.crossings(*_columns(brackets)), self._touching(*_columns(unclear), 1e3 * finest)]
-        return np.unique(np.concatenate(found)) + 0.0, (low, high)
+        zeros = [self.crossings(*_columns(brackets)), self._touching(*_columns(unclear), 1e3 * finest)]
+        return np.unique(np.concatenate(zeros)) + 0.0, (low, high)
 
     def sign_changes(self, low: Array, high: Array) -> Array:
         """Zeros between places next to each other, ends and middles of parts, at which the sign is sure and differs."""
@@ -170,10 +170,10 @@ class SmoothFormula:
                 break
             same = np.sign(self(middle)) * first > 0.0
             low, high = np.where(same, middle, low), np.where(same, high, middle)
-        place = 0.5 * (low + high)
-        short = np.array([float(f"{x:.12g}") for x in place.tolist()])
+        root = 0.5 * (low + high)
+        short = np.array([float(f"{x:.12g}") for x in root.tolist()])
         return np.concatenate(
-            [ends, np.where((np.abs(short - place) <= high - low) | (self(short) == 0.0), short, place)]
+            [ends, np.where((np.abs(short - root) <= high - low) | (self(short) == 0.0), short, root)]
         )
 
     def _touching(self, low: Array, high: Array, reach: float) -> Array:
@@ -201,7 +201,7 @@ class SmoothFormula:
         """
         slope = self.derivative()
         left, right = parts_of(np.asarray(low, dtype=float), np.asarray(high, dtype=float), reach)
-        seen, place = at_least, float(left[0]) if np.isfinite(left[0]) else 0.0
+        seen, highest = at_least, float(left[0]) if np.isfinite(left[0]) else 0.0
         done = at_least
         waiting = (np.zeros(0), np.zeros(0), np.zeros(0))
         size = self.graph.size(self.node) + self.graph.size(slope.node)
@@ -212,7 +212,7 @@ class SmoothFormula:
             values = self(at)
             values = np.where(np.isfinite(values), values, -np.inf)
             if values.max(initial=-np.inf) > seen:
-                seen, place = float(values.max()), float(at[np.argmax(values)])
+                seen, highest = float(values.max()), float(at[np.argmax(values)])
             upper = self._upper(slope, left, middle, right)
             for k in np.flatnonzero((np.isinf(left) | np.isinf(right)) & (upper > seen)):
                 upper[k] = min(upper[k], tail(self.graph, self.node, float(left[k]), float(right[k])))
@@ -221,7 +221,7 @@ class SmoothFormula:
             done = max(done, float(upper[~open_].max(initial=-np.inf)))
             left, right, upper = left[open_], right[open_], upper[open_]
             if not left.size:
-                return Supremum(max(done, seen), seen, place)
+                return Supremum(max(done, seen), seen, highest)
             # the parts with the largest bounds first; the others may turn out not to matter
             top = float(upper.max())
             now = upper >= (top if top == np.inf else 1e-3 * top if top > 0.0 else -np.inf)
@@ -230,7 +230,7 @@ class SmoothFormula:
             middle = inner_place(left, right, reach)
             small = np.maximum(1e-13 * np.maximum(np.abs(left), np.abs(right)), 1e-18 * reach)
             stuck = (middle <= left) | (middle >= right) | (np.abs(middle) > 1e9 * reach) | (right - left <= small)
-            if left.size > _MOST_PARTS or self.graph.work > _MOST_WORK:
+            if left.size > MOST_PARTS or self.graph.work > _MOST_WORK:
                 stuck[:] = True
                 done = max(done, float(waiting[2].max(initial=-np.inf)))
                 waiting = (np.zeros(0), np.zeros(0), np.zeros(0))
@@ -252,15 +252,15 @@ class SmoothFormula:
             form = at_middle + np.maximum(np.abs(below), np.abs(above)) * 0.5000001 * (right - left)
             upper = np.fmin(upper, np.where(np.isfinite(form), form, np.inf))
             rises, falls = (below >= 0.0) & np.isfinite(right), (above <= 0.0) & np.isfinite(left)
-            one_way = rises | falls
-            one_way[one_way] = self._continuous(*(x[one_way] for x in (left, right, below, above)))
-            upper = np.where(rises & one_way, np.fmin(upper, at_right), upper)
-            return np.where(falls & one_way, np.fmin(upper, at_left), upper)
+            monotone = rises | falls
+            monotone[monotone] = self._continuous(*(x[monotone] for x in (left, right, below, above)))
+            upper = np.where(rises & monotone, np.fmin(upper, at_right), upper)
+            return np.where(falls & monotone, np.fmin(upper, at_left), upper)
 
 
 def graded(low: Array, high: Array) -> tuple[Array, Array]:
     """The intervals ``[low, high]``, arrays (k,), in parts that grow with the distance to zero and to their ends."""
-    if low.size > _FEW:
+    if low.size > 20:  # many are narrow themselves
         return low, high
     left, right = [low[:0]], [high[:0]]
     for a, b in zip(low.tolist(), high.tolist(), strict=True):
@@ -316,7 +316,7 @@ def supremum_of_pieces(
 
     Shapes: ``branches`` (k,), ``ends`` (k + 1,).
     """
-    found = Supremum(0.0, 0.0, 0.0)
+    largest = Supremum(0.0, 0.0, 0.0)
     branches[0].graph.work = 0.0
     for node in dict.fromkeys(branch.node for branch in branches):
         here = np.array([i for i, branch in enumerate(branches) if branch.node == node])
@@ -324,7 +324,7 @@ def supremum_of_pieces(
         for _ in range(order):
             smooth = smooth.derivative()
         smooth = smooth if sign > 0.0 else smooth.negative()
-        one = smooth.supremum(ends[here], ends[here + 1], reach, found.seen, slack)
-        place = one.place if one.bound > found.bound else found.place
-        found = Supremum(max(one.bound, found.bound), max(one.seen, found.seen), place)
-    return found
+        own = smooth.supremum(ends[here], ends[here + 1], reach, largest.seen, slack)
+        at = own.place if own.bound > largest.bound else largest.place
+        largest = Supremum(max(own.bound, largest.bound), max(own.seen, largest.seen), at)
+    return largest

@@ -1,4 +1,4 @@
-"""Where the branches of a formula of one variable may change: zeros of what abs, min, max and conditions compare."""
+"""Kinks and jumps of a formula of one variable: zeros of what abs, min, max and conditions compare."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from hemivar.formula.smooth import WIDE, SmoothFormula
 
 __all__ = ["Switches"]
 
-#: Places at which the branches of a formula may change, and branches of one part, that are followed.
-_MOST_SWITCHES = 2000
-_MOST_BRANCHES = 200
+#: Places at which the branches of a formula may change, twice the knots of a law, and branches of one part.
+_MOST_SWITCHES, _MOST_BRANCHES = 2000, 200
 
 
 class Switches:
@@ -30,13 +29,13 @@ class Switches:
         """Places where the branch of a part may change."""
         if node not in self._breaks:
             parts = [self.zeros(difference) for difference in self.graph.switching(node)]
-            found = _merged(np.concatenate([np.zeros(0), *parts]))
-            if found.size > _MOST_SWITCHES:
+            places = _merged(np.concatenate([np.zeros(0), *parts]))
+            if places.size > _MOST_SWITCHES:
                 raise ProblemError(
                     f"{self.shown} changes its branch at more than {_MOST_SWITCHES} places up to the reach "
                     f"{self.reach:g}; take a smaller reach, or give a table"
                 )
-            self._breaks[node] = found
+            self._breaks[node] = places
         return self._breaks[node]
 
     def zeros(self, node: int) -> Array:
@@ -44,21 +43,21 @@ class Switches:
         if node in self._zeros:
             return self._zeros[node]
         ends = np.concatenate([[-self.wide], self.breaks(node), [self.wide]])
-        held = self.graph.branches(node, self.variable, 0.5 * (ends[1:] + ends[:-1]))
-        branches = np.unique(held)
+        at_middle = self.graph.branches(node, self.variable, 0.5 * (ends[1:] + ends[:-1]))
+        branches = np.unique(at_middle)
         if branches.size > _MOST_BRANCHES:
             raise ProblemError(f"{self.shown} has more than {_MOST_BRANCHES} branches; simplify it, or give a table")
-        found = [np.zeros(0)]
+        roots = [np.zeros(0)]
         for branch in branches.tolist():
             smooth = SmoothFormula(self.graph, branch, self.variable)
             places = smooth.zeros(self.reach)
             if places is None:
                 self.sure = False
                 places = _sign_changes(smooth, self.reach)
-            for low, high in zip(ends[:-1][held == branch], ends[1:][held == branch], strict=True):
+            for low, high in zip(ends[:-1][at_middle == branch], ends[1:][at_middle == branch], strict=True):
                 slack = 1e-12 * max(1.0, *(abs(x) for x in (low, high) if abs(x) < self.wide), 0.0)
-                found.append(places[(places >= low - slack) & (places <= high + slack)])
-        self._zeros[node] = _merged(np.concatenate(found))
+                roots.append(places[(places >= low - slack) & (places <= high + slack)])
+        self._zeros[node] = _merged(np.concatenate(roots))
         return self._zeros[node]
 
 
@@ -75,6 +74,6 @@ def _sign_changes(smooth: SmoothFormula, reach: float) -> Array:
     fine = np.geomspace(1e-9 * reach, reach, 1500)
     grid = np.unique(np.concatenate([-fine, np.linspace(-reach, reach, 20_001), fine]))
     values = smooth(grid)
-    found = grid[values == 0.0] if np.count_nonzero(values == 0.0) < 50 else np.zeros(0)
+    roots = grid[values == 0.0] if np.count_nonzero(values == 0.0) < 50 else np.zeros(0)
     changes = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    return np.concatenate([found, smooth.crossings(grid[changes], grid[changes + 1])])
+    return np.concatenate([roots, smooth.crossings(grid[changes], grid[changes + 1])])

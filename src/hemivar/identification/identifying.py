@@ -23,8 +23,8 @@ from hemivar.files.problem_file import parse_problem_file, read_text
 from hemivar.identification.experiment import Experiment
 from hemivar.identification.fit import Fit, FitAttempt, FitOptions, Parameter, fit
 from hemivar.identification.measurements import Measurements, read_measurements
-from hemivar.laws import VectorLaw, join_laws
-from hemivar.laws.registry import NORMAL_LAWS
+from hemivar.laws import Superpotential, VectorLaw, join_laws
+from hemivar.laws.registry import NORMAL_LAWS, LawKind, entry_named
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls
 from hemivar.workflows.events import Phase, Work
@@ -49,6 +49,7 @@ def identify(
     *,
     changes: Sequence[Change] = (),
     controls: Controls | None = None,
+    code: Sequence[str] = (),
 ) -> Fit:
     """Parameters of a contact law that fit a measured curve.
 
@@ -66,6 +67,8 @@ def identify(
         Values that replace those of the problem file.
     controls : Controls, optional
         Of the solves.
+    code : sequence of str
+        Modules and files whose laws the problem file may name, as for :func:`hemivar.read_problem`.
 
     Returns
     -------
@@ -82,7 +85,7 @@ def identify(
     >>> found = hv.identification.identify("glue.toml", "curve.csv", {"contact.bottom.normal.strength": (0.5, 5.0)})
     ... # doctest: +SKIP
     """
-    return result_of(identifying(problem, data, parameters, options, changes=changes, controls=controls))
+    return result_of(identifying(problem, data, parameters, options, changes=changes, controls=controls, code=code))
 
 
 @expecting(options=FitOptions, changes=[Change], controls=Controls)
@@ -94,6 +97,7 @@ def identifying(
     *,
     changes: Sequence[Change] = (),
     controls: Controls | None = None,
+    code: Sequence[str] = (),
 ) -> Work[Fit]:
     """As :func:`identify`, and tells of every start that is done.
 
@@ -105,6 +109,7 @@ def identifying(
     options : FitOptions, optional
     changes : sequence of Change, optional
     controls : Controls, optional
+    code : sequence of str
 
     Yields
     ------
@@ -120,7 +125,7 @@ def identifying(
     measured = read_measurements(data) if isinstance(data, str | Path) else data
     measured = expect(measured, Measurements, "the measured curve", "pass Measurements(...) or the path of a CSV file")
     wanted = _parameters(parameters, measured)
-    state = _statement(problem, changes, measured.inputs)
+    state = _statement(problem, changes, measured.inputs, code)
     first = {one.key: one.middle for one in wanted}
     rows = [{**first, **measured.row(number)} for number in range(measured.count)]
     try:
@@ -140,25 +145,28 @@ def identifying(
     return (yield from each_as(attempts, lambda one: Phase(_told(one), one.number, one.count)))
 
 
-def parameters_of_law(problem: str | Path, law: str, contact: str | None = None) -> tuple[Parameter, ...]:
+def parameters_of_law(
+    problem: str | Path, law: str, contact: str | None = None, code: Sequence[str] = ()
+) -> tuple[Parameter, ...]:
     """All numbers of the normal law of a contact boundary in a problem file, each around its value there."""
     import tomllib
 
     text = read_text(problem)
-    parse_problem_file(text, Path(problem).parent, str(problem))  # what is wrong with it is said there
+    parse_problem_file(text, Path(problem).parent, str(problem), code=code)  # what is wrong with it is said there
     tables = tomllib.loads(text).get("contact", {})
     names = [contact] if contact is not None else list(tables)
     if len(names) != 1 or names[0] not in tables:
         raise ProblemError(f"name the contact boundary whose law is to be fitted: one of {', '.join(tables)}")
     stated = tables[names[0]].get("normal", {})
-    if law not in NORMAL_LAWS:
+    entry = NORMAL_LAWS.get(law) or entry_named(law, LawKind.NORMAL, (Superpotential, VectorLaw), code)
+    if entry is None:
         raise ProblemError(f"normal law '{law}' is not known; choose one of {', '.join(NORMAL_LAWS)}")
     if stated.get("law") != law:
         raise ProblemError(
             f"contact '{names[0]}' has the law '{stated.get('law')}' in the file; state '{law}' there with a first "
             "guess of its parameters, or name each parameter and its range with --fit"
         )
-    numbers = {one.key for one in NORMAL_LAWS[law].parameters if one.said.form is Form.QUANTITY}
+    numbers = {one.key for one in entry.parameters if one.said.form in (Form.QUANTITY, Form.NUMBER)}
     found = []
     for name, value in stated.items():
         if name not in numbers:
@@ -201,7 +209,7 @@ def _range_of(key: str, ends: object) -> tuple[float, float]:
 
 
 def _statement(
-    problem: Model, changes: Sequence[Change], inputs: Iterable[str]
+    problem: Model, changes: Sequence[Change], inputs: Iterable[str], code: Sequence[str]
 ) -> Callable[[Mapping[str, float]], ProblemLike]:
     if callable(problem):
         takes = "let it take a dict of values by name and return a problem"
@@ -220,7 +228,7 @@ def _statement(
 
     def state(values: Mapping[str, float]) -> ProblemLike:
         given = [*changes, *(Change(key, value) for key, value in values.items())]
-        return parse_problem_file(text, folder, name, changes=given).problem
+        return parse_problem_file(text, folder, name, changes=given, code=code).problem
 
     return state
 

@@ -1,4 +1,4 @@
-"""The compiled library beside this module: found, checked, and told how many threads it may take."""
+"""Loads the compiled library beside this module: its version is checked, and the threads that it may take."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 10
+_ABI = 11
 #: With a dot inside, so that nothing that lists the modules of a package takes the library for one.
 _NAMES = ("_compiled.kernels.so", "_compiled.kernels.pyd")
 #: Most threads that are ever taken.
@@ -80,7 +80,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_patch_order": ([c_int64, c_int64, c_void_p, c_int64, *[c_void_p] * 5], c_int64),
     "hv_improve_patches": ([c_void_p, c_void_p], c_int),
     "hv_pull_back": ([*[c_int64] * 3, *[c_void_p] * 5], c_int),
-    "hv_strains": ([*[c_int64] * 3, *[c_void_p] * 8], c_int),
+    "hv_strains": ([*[c_int64] * 3, *[c_void_p] * 7], c_int),
     "hv_cells": ([c_void_p, c_void_p], c_int),
     "hv_unresolved": ([c_void_p, c_void_p], c_int),
     "hv_facets_new": ([c_int, c_int64, c_int64, *[c_void_p] * 3], c_int),
@@ -96,13 +96,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
 
 
 class Kernels:
-    """The functions of the library.
-
-    Attributes
-    ----------
-    call : ctypes.CDLL
-        They leave the interpreter to other threads while they work.
-    """
+    """The functions of the library; they leave the interpreter to other threads while they work."""
 
     def __init__(self, call: ctypes.CDLL) -> None:
         self.call = call
@@ -134,9 +128,9 @@ class Kernels:
             expect_list(f"{name} of rows", array, kind)
         if indices.size != data.size or not indptr.size:
             raise ValueError(f"{indices.size} columns must have as many numbers, not {data.size}")
-        found, at = np.empty(indptr.size - 1), self.address
-        self.check(self.call.hv_diagonal(found.size, data.size, at(indptr), at(indices), at(data), at(found)))
-        return found
+        out, at = np.empty(indptr.size - 1), self.address
+        self.check(self.call.hv_diagonal(out.size, data.size, at(indptr), at(indices), at(data), at(out)))
+        return out
 
     def add_product(
         self, left: sp.csr_array, right: sp.csr_array, out: tuple[AnyArray, AnyArray, Array], columns: int
@@ -160,15 +154,15 @@ class Kernels:
     def curvature(self, p: Array, q: Array, diagonal: Array) -> tuple[float, float]:
         """``p'q`` and ``p' diag(diagonal) p`` of arrays (n,), summed in the same order by any number of threads."""
         at, p, q = self.address, _vector(p, p.size), _vector(q, p.size)
-        found = np.empty(2)
-        self.check(self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(found)))
-        return float(found[0]), float(found[1])
+        out = np.empty(2)
+        self.check(self.call.hv_curvature(p.size, at(p), at(q), at(_vector(diagonal, p.size)), at(out)))
+        return float(out[0]), float(out[1])
 
     def products(self, z: Array, r: Array, q: Array) -> tuple[float, float]:
         """``z'r`` and ``z'q`` of arrays (n,), summed in the same order by any number of threads."""
-        at, n, found = self.address, z.size, np.empty(2)
-        self.check(self.call.hv_products(n, at(_vector(z, n)), at(_vector(r, n)), at(_vector(q, n)), at(found)))
-        return float(found[0]), float(found[1])
+        at, n, out = self.address, z.size, np.empty(2)
+        self.check(self.call.hv_products(n, at(_vector(z, n)), at(_vector(r, n)), at(_vector(q, n)), at(out)))
+        return float(out[0]), float(out[1])
 
     def turn(self, factor: float, z: Array, p: Array) -> None:
         """``p = z + factor p``, in place; both arrays (n,)."""
@@ -187,10 +181,10 @@ class Kernels:
 
 def _vector(x: Array, n: int) -> Array:
     """A contiguous and aligned array (n,) of these numbers."""
-    found = np.require(x, float, ["C", "A"])
-    if found.shape != (n,):
-        raise ValueError(f"a vector of {n} numbers is needed, not {found.shape}")
-    return found
+    vector = np.require(x, float, ["C", "A"])
+    if vector.shape != (n,):
+        raise ValueError(f"a vector of {n} numbers is needed, not {vector.shape}")
+    return vector
 
 
 def expect_list(what: str, array: AnyArray, kind: DTypeLike) -> None:

@@ -1,4 +1,4 @@
-"""A law that splits in the compiled kernels: what its methods answer for all contact points, in one call each.
+"""A contact law in the compiled kernels: value, derivatives, local minimiser and residual at all points in one call.
 
 The kernels read straight pieces from tables, and know the formulas of two friction profiles.
 """
@@ -58,7 +58,7 @@ class LaidOut:
         """Whether no number overflows."""
         return bool(math.isfinite(self.largest * float(self.factor.max(initial=0.0))))
 
-    def told(self, library: Kernels) -> _Scalar:
+    def given(self, library: Kernels) -> _Scalar:
         """What the kernels are given; the arrays stay here."""
         rows, length = self.numbers.shape
         at = (library.address(self.numbers), library.address(self.factor))
@@ -86,17 +86,17 @@ def lay_out(law: Superpotential) -> LaidOut | None:
 def _pieces(law: Superpotential) -> list[Array]:
     """Six numbers (m, 6) of each straight piece: its anchor with slope and bend, its place nearest to the origin with
     slope and energy."""
-    found, rows = [], law.rows
+    pieces, rows = [], law.rows
     knots = np.where(np.isfinite(law.knots), law.knots, 0.0)
     for i in range(law.width + 1):
         piece, anchor = np.full(rows, i, dtype=np.int64), knots[:, max(i - 1, 0)]
         low, high = law.piece_bounds(piece)
-        place = np.clip(np.zeros(rows), low, high)
-        place = np.where(np.isfinite(place), place, anchor)  # beyond the last knot that is used
+        nearest = np.clip(np.zeros(rows), low, high)
+        nearest = np.where(np.isfinite(nearest), nearest, anchor)  # beyond the last knot that is used
         slope, bend = law.piece_line(piece, anchor)
-        numbers = (anchor, slope, bend, place, law.piece_derivative(piece, place), law.piece_value(piece, place))
-        found.append(np.stack([np.broadcast_to(one, (rows,)) for one in numbers], axis=1))
-    return found
+        numbers = (anchor, slope, bend, nearest, law.piece_derivative(piece, nearest), law.piece_value(piece, nearest))
+        pieces.append(np.stack([np.broadcast_to(number, (rows,)) for number in numbers], axis=1))
+    return pieces
 
 
 class CompiledLaw:
@@ -104,10 +104,10 @@ class CompiledLaw:
 
     def __init__(self, library: Kernels, normal: LaidOut, slip: LaidOut) -> None:
         self._call, self._address = library.call, library.address
-        self._held = (normal, slip)
-        self._law = _Point(normal.told(library), slip.told(library))
+        self._parts = (normal, slip)
+        self._law = _Point(normal.given(library), slip.given(library))
         self._at = ctypes.addressof(self._law)
-        sizes = {one.numbers.shape[0] for one in self._held} | {one.factor.size for one in self._held}
+        sizes = {part.numbers.shape[0] for part in self._parts} | {part.factor.size for part in self._parts}
         self._points = max(sizes)
         if sizes - {1, self._points}:
             raise ValueError(f"the parts of a law are for {sorted(sizes)} contact points")
@@ -135,9 +135,9 @@ class CompiledLaw:
     def linearise(self, r: Array) -> tuple[BoolArray, Array, Array]:
         """Smooth parts, gradient and second derivatives."""
         r, (m, c) = self._given(r), r.shape
-        found = np.empty((m, 2), dtype=bool), np.empty((m, c)), np.empty((m, c, c))
-        self._call.hv_law_linearise(self._at, m, c, self._address(r), *map(self._address, found))
-        return found
+        parts = np.empty((m, 2), dtype=bool), np.empty((m, c)), np.empty((m, c, c))
+        self._call.hv_law_linearise(self._at, m, c, self._address(r), *map(self._address, parts))
+        return parts
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         """The multiplier of the law nearest to another."""
@@ -169,7 +169,7 @@ class CompiledLaw:
 
     def _given(self, x: Array, shape: tuple[int, ...] | None = None) -> Array:
         """An array as the kernels read it."""
-        found = np.require(x if shape in (None, x.shape) else np.broadcast_to(x, shape), float, ["C", "A"])
-        if found.ndim != 2 or self._points not in (1, len(found)):
-            raise ValueError(f"a law of {self._points} contact points is asked with an array of shape {found.shape}")
-        return found
+        array = np.require(x if shape in (None, x.shape) else np.broadcast_to(x, shape), float, ["C", "A"])
+        if array.ndim != 2 or self._points not in (1, len(array)):
+            raise ValueError(f"a law of {self._points} contact points is asked with an array of shape {array.shape}")
+        return array

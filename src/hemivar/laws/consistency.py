@@ -1,4 +1,4 @@
-"""A quick look, from samples, at whether what a user gave for a law fits together; the kit in testing looks closer."""
+"""Consistency checks at samples: whether value, derivative, curvature and alpha of a user's law fit together."""
 
 from __future__ import annotations
 
@@ -131,17 +131,17 @@ class Samples:
         low, high = self.start[wide], self.start[wide] + self.width[wide]
         fall = (self.law.derivative(low) - self.law.derivative(high)) / (high - low)
         i = int(np.argmax(fall))
-        told = (
+        words = (
             f"falls by {fall[i]:.6g} per length between r = {low[i]:.6g} and {high[i]:.6g}; alpha must be at least that"
         )
-        return float(max(fall[i], 0.0)), told
+        return float(max(fall[i], 0.0)), words
 
     def falls_within(self, alpha: float) -> str | None:
         """Whether a weak convexity is large enough."""
-        softest, told = self.softest()
+        softest, words = self.softest()
         if softest <= alpha * (1.0 + self.falls[0]) + self.falls[1] * self.slope / self.reach:
             return None
-        return f"alpha{self.whose} is {alpha:.6g}, but its derivative {told}"
+        return f"alpha{self.whose} is {alpha:.6g}, but its derivative {words}"
 
 
 #: Knots next to which a value may rise ever more steeply.
@@ -162,12 +162,12 @@ def check_own(law: Superpotential) -> None:
     except TypeError:  # a class that cannot be hashed is looked at again
         pass
     try:
-        one = law.take(np.array([0])) if law.knots.shape[0] > 1 else law
-        reach = 3.0 * float(np.abs(one.knots[np.isfinite(one.knots)]).max(initial=0.0)) or 1.0
-        one.value(np.zeros(1))
+        single = law.take(np.array([0])) if law.knots.shape[0] > 1 else law
+        reach = 3.0 * float(np.abs(single.knots[np.isfinite(single.knots)]).max(initial=0.0)) or 1.0
+        single.value(np.zeros(1))
     except Exception:  # parameters that are not known yet, or a law that only the kit can describe
         return
-    check_consistency(one, reach, alpha=float(np.atleast_1d(one.weak_convexity)[0]))
+    check_consistency(single, reach, alpha=float(np.atleast_1d(single.weak_convexity)[0]))
     with contextlib.suppress(TypeError):
         _SEEN.add(law)
 
@@ -210,16 +210,16 @@ class _QuickLook(Samples):
         steps = self.reach * np.array([1e-3, 1e-5, 1e-7, 1e-9])
         beside = (np.abs(knots) <= steps[0]).any()  # a knot beside zero stands for it
         places = knots if beside else np.append(knots, 0.0)
-        for place in np.unique(places):
+        for corner in np.unique(places):
             for side in (-1.0, 1.0):
-                at = place + side * steps
+                at = corner + side * steps
                 if not self.ends[0] <= at[0] <= self.ends[1]:
                     continue
-                value = law.value(np.full(steps.size, place))
+                value = law.value(np.full(steps.size, corner))
                 rate = np.abs(law.value(at) - value) / steps
                 if np.all(rate[1:] > 1.3 * rate[:-1] + (8.0 * np.finfo(float).eps * np.abs(value) / steps)[1:]):
                     return (
-                        f"the derivative{self.whose} grows without bound at r = {place:.6g}; a law needs a finite "
+                        f"the derivative{self.whose} grows without bound at r = {corner:.6g}; a law needs a finite "
                         "slope everywhere (but at jumps of its derivative)"
                     )
         return None

@@ -1,4 +1,4 @@
-"""A law that splits, in Minty's chart with one stiffness, laid out in tables.
+"""Minty's parametrisation of the contact graph, in tables: the unknown p = a r + lam gives r, lam and derivatives.
 
 Newton's method asks the same law the same question thousands of times: the pair at ``p = a r + lam``.  With a above the
 weak convexity of the law p grows along its graph, and sorts the points onto pieces and kinks; on a straight piece all
@@ -27,9 +27,9 @@ from hemivar.laws.vector_law import Chart, OnGraph
 
 __all__ = ["ContactChart", "GraphTables"]
 
-#: Steps towards a place on a piece that is not straight, and the part of it up to which the last one is exact: what it
-#: misses is of second order.
-_STEPS, _EXACT = 100, 1e-7
+#: A Newton step on a curved piece is the last one if it is no longer than this part of the place: what it misses is of
+#: second order, 1e-14 of it.
+_EXACT = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +49,8 @@ class ContactChart(Chart):
             return self._placed(p, pull, *self.tables.at(pull, size))
         first, second = (None, None) if size is None else (size[:, :1], size[:, 1:])
         normal = self.tables.at(pull[:, :1], first)
-        place, pressure, moves = (x[:, 0] for x in normal)
-        bound, slopes = self.bound.value(place, pressure), self.bound.slopes(place, pressure)
+        penetration, pressure, moves = (x[:, 0] for x in normal)
+        bound, slopes = self.bound.value(penetration, pressure), self.bound.slopes(penetration, pressure)
         slip = self.slip.times(self.part * bound).at(pull[:, 1:], second)
         both = [np.concatenate(pair, axis=1) for pair in zip(normal, slip, strict=True)]
         on = self._placed(p, pull, *both)
@@ -106,15 +106,15 @@ class ContactChart(Chart):
             direction, force = _directions(r, size[:, 1]), lam[:, :2].copy()
             force[:, 1] = np.einsum("mi,mi->m", direction, lam[:, 1:])
         parts = [tables.graph_distance(size[:, own], force[:, own], tau[:, :2][:, own]) for tables, own in columns]
-        found = np.concatenate(parts, axis=1)
+        distances = np.concatenate(parts, axis=1)
         if c < 3:
-            return found
+            return distances
         across, pull = np.hypot(*(lam[:, 1:] - force[:, 1:] * direction).T), np.hypot(lam[:, 1], lam[:, 2])
-        moving = np.where(size[:, 1] > 0.0, np.hypot(found[:, 1], across), np.inf)
+        moving = np.where(size[:, 1] > 0.0, np.hypot(distances[:, 1], across), np.inf)
         tables, own = columns[-1]
         low, high = (end[:, -1] for end in tables.ends(np.zeros_like(size[:, own])))
         resting = np.hypot(size[:, 1] / tau[:, 1], np.maximum(np.maximum(low - pull, pull - high), 0.0))
-        return np.hypot(found[:, 0], np.minimum(moving, resting))[:, None]
+        return np.hypot(distances[:, 0], np.minimum(moving, resting))[:, None]
 
     def least_multiplier(self, r: Array) -> Array:
         size = _lengths(r)
@@ -170,7 +170,7 @@ class _Curved:
         """
         row = np.minimum(piece, len(self.lower) - 1) * piece.size + self.number
         low, high = self.lower.take(row), self.upper.take(row)
-        steps = _STEPS if near is None else 1
+        steps = 100 if near is None else 1  # halving alone is through after 64
         if near is None:
             at = self._begin(row, a, p, low, high)
         elif (inside := still | ((near > low) & (near < high))).all():
@@ -193,9 +193,9 @@ class _Curved:
         """Where pieces that go on as they begin at an end would hold p; else their middle, or a place inside."""
         end, slope, bend = self.start.take(row), self.tangent.take(row), self.bend.take(row)
         miss = p - a * end - slope
-        place, middle, inside = end + miss / (a + bend), 0.5 * (low + high), end + miss / a
-        place = np.where((place > low) & (place < high), place, np.where(np.isfinite(middle), middle, inside))
-        return np.where(np.isfinite(place), place, p / a)
+        first, middle, inside = end + miss / (a + bend), 0.5 * (low + high), end + miss / a
+        first = np.where((first > low) & (first < high), first, np.where(np.isfinite(middle), middle, inside))
+        return np.where(np.isfinite(first), first, p / a)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,28 +226,28 @@ class GraphTables:
 
         None where there are too many knots for tables.
         """
-        if any(one.searched for one in laws):
+        if any(law.searched for law in laws):
             return None
         components = len(laws)
-        m, count = len(stiffness), max(one.knots.shape[-1] for one in laws)
+        m, count = len(stiffness), max(law.knots.shape[-1] for law in laws)
         shape = (m, components)
         knots, left, right = (np.full((count, *shape), fill) for fill in (np.inf, 0.0, 0.0))
         first, last = np.full((2, count, *shape), np.inf)
         anchor, base, slope = (np.zeros((2 * count + 1, *shape)) for _ in range(3))
         lower, upper = np.empty(shape), np.empty(shape)
         curved = []
-        for c, one in enumerate(laws):
-            own = one.knots.shape[-1]
-            knots[:own, :, c] = one.knots.T
-            below, above = one.knot_slopes()
+        for c, law in enumerate(laws):
+            own = law.knots.shape[-1]
+            knots[:own, :, c] = law.knots.T
+            below, above = law.knot_slopes()
             left[:own, :, c], right[:own, :, c] = below.T, above.T
-            first[:own, :, c], last[:own, :, c] = (force.T for force in knot_forces(one, stiffness[:, c]))
-            ends = one.domain
+            first[:own, :, c], last[:own, :, c] = (force.T for force in knot_forces(law, stiffness[:, c]))
+            ends = law.domain
             lower[:, c], upper[:, c] = ends.lower, ends.upper
-            if not one.straight:
+            if not law.straight:
                 places = np.clip(knots[:own, :, c], ends.lower, ends.upper)
                 start, end = (np.broadcast_to(end, (1, m)) for end in (ends.lower, ends.upper))
-                curved.append(_Curved.of(one, c, np.concatenate([start, places]), np.concatenate([places, end])))
+                curved.append(_Curved.of(law, c, np.concatenate([start, places]), np.concatenate([places, end])))
                 continue
             finite = np.isfinite(knots[:own, :, c])
             at = np.where(finite, knots[:own, :, c], 0.0)
@@ -255,8 +255,8 @@ class GraphTables:
                 near = at[max(i - 1, 0)]
                 piece = np.full(m, i)
                 anchor[2 * i, :, c] = near
-                base[2 * i, :, c] = one.piece_derivative(piece, near)
-                slope[2 * i, :, c] = one.piece_curvature(piece, near)
+                base[2 * i, :, c] = law.piece_derivative(piece, near)
+                slope[2 * i, :, c] = law.piece_curvature(piece, near)
         anchor[1::2] = np.where(np.isfinite(knots), knots, 0.0)
         n = m * components
         return cls(
@@ -290,7 +290,7 @@ class GraphTables:
             high=high,
             base=factor * self.base,
             slope=factor * self.slope,
-            curved=tuple(one.times(factor) for one in self.curved),
+            curved=tuple(part.times(factor) for part in self.curved),
         )
 
     def at(self, p: Array, near: Array | None = None) -> tuple[Array, Array, Array]:
@@ -304,33 +304,33 @@ class GraphTables:
         index = state * self._number.size + self._number
         anchor, slope = self.anchor.take(index), self.slope.take(index)
         pull, base, room = flat - a * anchor, self.base.take(index), a + slope
-        held = (state & 1).astype(bool)
+        at_knot = (state & 1).astype(bool)
         with np.errstate(all="ignore"):
             yields = 1.0 / room
             off = (pull - base) * yields
             if near is not None and self.falls:  # along such a piece p tells no place
                 off = np.where(room <= 0.0, near.ravel() - anchor, off)
-            yields[held] = off[held] = 0.0
-            r, lam = anchor + off, np.where(held, pull, base + slope * off)
-            for one in self.curved:
-                own = slice(one.column, None, self.shape[1])
-                still = held[own]
-                where = None if near is None else near[:, one.column]
-                found = one.at(state[own] >> 1, still, a[own], flat[own], where)
-                for out, values in zip((r, lam, yields), found, strict=True):
-                    out[own] = np.where(still, out[own], values)
+            yields[at_knot] = off[at_knot] = 0.0
+            r, lam = anchor + off, np.where(at_knot, pull, base + slope * off)
+            for part in self.curved:
+                own = slice(part.column, None, self.shape[1])
+                stuck = at_knot[own]
+                where = None if near is None else near[:, part.column]
+                pair = part.at(state[own] >> 1, stuck, a[own], flat[own], where)
+                for out, values in zip((r, lam, yields), pair, strict=True):
+                    out[own] = np.where(stuck, out[own], values)
         return r.reshape(self.shape), lam.reshape(self.shape), yields.reshape(self.shape)
 
     def _derivative(self, r: Array) -> Array:
         """j' (N,) at r (N,), inside the domain; at a knot that of the piece to its left."""
         piece = np.add.reduce(r > self.knots, axis=0)
         index = 2 * self._number.size * piece + self._number
-        found = self.base.take(index) + self.slope.take(index) * (r - self.anchor.take(index))
+        slopes = self.base.take(index) + self.slope.take(index) * (r - self.anchor.take(index))
         c = self.shape[1]
-        for one in self.curved:
-            own = slice(one.column, None, c)
-            found[own] = one.law.piece_derivative(piece[own], r[own])
-        return np.asarray(found)
+        for part in self.curved:
+            own = slice(part.column, None, c)
+            slopes[own] = part.law.piece_derivative(piece[own], r[own])
+        return np.asarray(slopes)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         """Distance (m, c) of each component of a pair to the graph of its law, in units of ``lam``; ``tau (m, c)``."""
@@ -372,10 +372,10 @@ def _lengths(x: Array) -> Array:
     """The normal component and the length of the others, (m, 2); components (m, c) of their own where c < 3."""
     if x.shape[1] < 3:
         return x
-    found = np.empty((len(x), 2))
-    found[:, 0] = x[:, 0]
-    np.hypot(x[:, 1], x[:, 2], out=found[:, 1])
-    return found
+    sizes = np.empty((len(x), 2))
+    sizes[:, 0] = x[:, 0]
+    np.hypot(x[:, 1], x[:, 2], out=sizes[:, 1])
+    return sizes
 
 
 def _directions(x: Array, size: Array) -> Array:

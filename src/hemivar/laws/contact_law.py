@@ -1,4 +1,4 @@
-"""The law of a contact point: a normal superpotential and a radial friction law in local components."""
+"""Contact law of a point: a normal superpotential and radial friction, split into normal and tangential parts."""
 
 from __future__ import annotations
 
@@ -195,12 +195,12 @@ class ContactLaw(NormalAndFriction):
             )
         return out
 
-    def crossings(self, r: Array, way: Array) -> Crossings | None:
+    def crossings(self, r: Array, direction: Array) -> Crossings | None:
         rubs = r.shape[1] > 1 and bool(self.rubs.any())
         laws = self.scalar_laws(2 if rubs else 1)
         if (rubs and r.shape[1] > 2) or not all(law.straight for law in laws):
             return None
-        return Crossings.joined([crossings(law, r[:, c], way[:, c]) for c, law in enumerate(laws)])
+        return Crossings.joined([crossings(law, r[:, c], direction[:, c]) for c, law in enumerate(laws)])
 
     def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
         normal = super().kinks_along(start, end, bend)
@@ -213,9 +213,9 @@ class ContactLaw(NormalAndFriction):
         return np.concatenate([normal, level_places(both, start[:, 1], end[:, 1], bend[:, 1])], axis=1)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
-        found = None if self._compiled is None else self._compiled.local_argmin(a, b)
-        if found is not None:
-            return found
+        minimiser = None if self._compiled is None else self._compiled.local_argmin(a, b)
+        if minimiser is not None:
+            return minimiser
         r = np.empty(b.shape)
         r[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
         if b.shape[1] > 1:
@@ -393,8 +393,8 @@ class ContactLaw(NormalAndFriction):
         index = np.flatnonzero(active[:, 0])
         axis = np.broadcast_to(unit[0], (index.size, d))
         normal = one_sided(self.normal, r[:, 0], tau[:, 0], slack)
-        found = [Sides(index, axis, lam[index, 0], *(values[index] for values in normal))]
-        return found if d == 1 else found + radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
+        sides = [Sides(index, axis, lam[index, 0], *(values[index] for values in normal))]
+        return sides if d == 1 else sides + radial_sides(self.tangential, r, lam, active, tau[:, 1], slack)
 
 
 def separable(law: VectorLaw, what: str) -> ContactLaw:

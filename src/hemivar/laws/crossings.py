@@ -1,5 +1,4 @@
-"""A law along a way: where its derivative bends, for laws that are quadratic between their knots; where a way meets
-levels of a component or of a length."""
+"""Line-search breakpoints of a law: where its derivative bends along a direction, and where levels are met."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ __all__ = ["Crossings", "crossings", "length_places", "level_places"]
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """``j(r + t way)`` for t > 0: its derivative is straight between the lengths t at which it meets knots."""
+    """``j(r + t d)`` in a direction d: its derivative is straight between the lengths t > 0 at which it meets knots."""
 
     slope: Array  # first derivative just behind t = 0, (m,)
     bend: Array  # second derivative there
@@ -40,26 +39,26 @@ class Crossings:
         return replace(parts[0], slope=np.asarray(slope), bend=np.asarray(bend), **together)
 
 
-def crossings(law: Superpotential, r: Array, way: Array) -> Crossings:
-    """The knots of a law with straight pieces ahead of ``r (m,)`` in the directions ``way (m,)``."""
+def crossings(law: Superpotential, r: Array, direction: Array) -> Crossings:
+    """The knots of a law with straight pieces ahead of ``r (m,)`` in directions (m,)."""
     knots, bends, (left, right) = law.knots, law.bends, law.knot_slopes()
-    ahead, here = way > 0.0, r[:, None]
+    ahead, here = direction > 0.0, r[:, None]
     piece = np.where(ahead, (knots <= here).sum(axis=-1), (knots < here).sum(axis=-1))
     slope, bend = law.piece_line(piece, r)
-    moves = np.where(ahead[:, None], knots > here, (knots < here) & (way < 0.0)[:, None])
+    moves = np.where(ahead[:, None], knots > here, (knots < here) & (direction < 0.0)[:, None])
     point, knot = np.nonzero(moves & np.isfinite(knots))
-    place, left, right, first, last = (
+    knots_met, left, right, first, last = (
         np.broadcast_to(table, (r.size, table.shape[-1]))[point, index]
         for table, index in ((knots, knot), (left, knot), (right, knot), (bends, knot), (bends, knot + 1))
     )
-    speed = way[point]
+    speed = direction[point]
     return Crossings(
-        slope=way * slope,
-        bend=way**2 * bend,
+        slope=direction * slope,
+        bend=direction**2 * bend,
         point=point,
         component=np.zeros(point.size, dtype=np.int64),
-        length=(place - r[point]) / speed,
-        place=place,
+        length=(knots_met - r[point]) / speed,
+        place=knots_met,
         jump=np.abs(speed) * (right - left),
         change=np.abs(speed) * speed * (last - first),
     )
@@ -78,10 +77,8 @@ def length_places(levels: Array, start: Array, end: Array) -> Array:
 
     A length that does not come down to a level is least there.
     """
-    way = end - start
-    square, along, size = (
-        np.einsum("mi,mi->m", one, other)[:, None] for one, other in ((way, way), (start, way), (start, start))
-    )
+    d = end - start
+    square, along, size = (np.einsum("mi,mi->m", a, b)[:, None] for a, b in ((d, d), (start, d), (start, start)))
     with np.errstate(all="ignore"):
         least = -along / square
         root = np.sqrt(np.maximum(least**2 - (size - levels**2) / square, 0.0))
@@ -92,7 +89,7 @@ def _roots(a: Array, b: Array, c: Array) -> Array:
     """Where ``a t^2 + b t + c`` vanishes."""
     with np.errstate(all="ignore"):
         if not a.any():
-            found = -c / b
-            return np.concatenate([found, np.full_like(found, np.nan)], axis=1)
+            root = -c / b
+            return np.concatenate([root, np.full_like(root, np.nan)], axis=1)
         q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
         return np.concatenate([q / a, c / q], axis=1)

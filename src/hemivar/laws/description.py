@@ -1,4 +1,4 @@
-"""What there is to say about a law: formula, kinks, constants."""
+"""A law in words: formula on each piece, kinks, weak convexity, growth and recession."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class LawKink:
     def __str__(self) -> str:
         if math.isinf(self.jump):
             return f"j ends at r = {self.place:.6g}"
-        way = "up" if self.jump > 0.0 else "down"
-        return f"jump {way} from {self.left:.6g} to {self.right:.6g} at r = {self.place:.6g}"
+        direction = "up" if self.jump > 0.0 else "down"
+        return f"jump {direction} from {self.left:.6g} to {self.right:.6g} at r = {self.place:.6g}"
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class LawDescription:
         """The description, line by line."""
         sampled = "" if self.alpha_reach == math.inf else f" for |r| <= {self.alpha_reach:.6g}"
         sampled = sampled if self.alpha_reach > 0.0 else " (sampled)"
-        places = ", ".join(f"{place:.6g}" for place in self.alpha_places)
+        places = ", ".join(f"{r:.6g}" for r in self.alpha_places)
         if math.isinf(self.alpha):
             why = "falls without bound far out" if self.law_class != "jumps down" else f"jumps down at r = {places}"
             alpha = f"alpha = inf: the derivative {why}"

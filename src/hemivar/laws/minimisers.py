@@ -1,10 +1,12 @@
-"""Minimisers of the local problem ``a/2 r^2 - b r + j(r)`` of a contact point: all of them, and the lowest.
+"""Prox and local minimisers: of the local problem ``a/2 r^2 - b r + j(r)`` of a point, all of them and the lowest.
 
 They follow from the pieces of a law alone; :class:`~hemivar.laws.Superpotential` hands them out as its own methods.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +19,9 @@ if TYPE_CHECKING:
 __all__ = [
     "AT_ONCE",
     "FAR",
+    "MANY",
     "convex_part",
+    "golden_section",
     "knot_forces",
     "local_argmin",
     "local_minimisers",
@@ -26,11 +30,13 @@ __all__ = [
 
 #: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
 FAR = 1e8
-#: Points times knots that are looked at at once.
+#: Knots from which on they are searched, and not gone through. At 40 knots of 5000 points searching finds minimisers
+#: six times faster (0.6 ms for 3.8 ms) and distances to the graph three times slower (7.4 ms for 2.7 ms).
+MANY = 40
+#: Points times knots that are looked at at once: arrays of 2 MB, about what a core caches.
 AT_ONCE = 1 << 18
-#: Places on each side of zero at which a minimiser that no piece holds is looked for, and how its part shrinks.
+#: Places on each side of zero at which a minimiser that no piece holds is looked for.
 _PLACES = 600
-_GOLDEN = 0.6180339887498949
 #: What rounding leaves of a force that is the sum of others.
 _NO_FORCE = float(np.finfo(float).eps)
 
@@ -66,11 +72,11 @@ def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Ar
         inside = low < high  # not beyond the last knot, where knots are unused
         low, high, start, end = law.convex_part(piece, a, b, low, high, start, end)
         admissible = inside & (low < high) & (start < 0.0) & (end > 0.0)
-        root, found = law.stationary_point(piece, a, b, low, high, admissible)
-        points[..., i] = np.where(found, root, 0.0)
+        root, exists = law.stationary_point(piece, a, b, low, high, admissible)
+        points[..., i] = np.where(exists, root, 0.0)
         with np.errstate(invalid="ignore", over="ignore"):
             energy = 0.5 * a * root**2 - b * root + law.piece_value(piece, root)
-        energies[..., i] = np.where(found, energy, np.inf)
+        energies[..., i] = np.where(exists, energy, np.inf)
     for i in range(count):
         valid = finite[..., i] & (psi_left[..., i] <= 0.0) & (psi_right[..., i] >= 0.0)
         t = np.broadcast_to(at[..., i], shape)
@@ -140,19 +146,25 @@ def _bounded(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
 
     def energy(at: Array) -> Array:
         with np.errstate(all="ignore"):
-            found = 0.5 * a * at**2 - b * at + part.value(at)
-        return np.where(np.isnan(found), np.inf, found)
+            energies = 0.5 * a * at**2 - b * at + part.value(at)
+        return np.where(np.isnan(energies), np.inf, energies)
 
     best = np.argmin([energy(at) for at in places], axis=0)
     rows = np.arange(best.size)
     low, high = (places[np.clip(best + side, 0, len(places) - 1), rows] for side in (-1, 1))
-    for _ in range(80):
-        first, second = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    out = r.copy()
+    out[lost] = golden_section(energy, low, high)
+    return out
+
+
+def golden_section(energy: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Where functions are least between ``low`` and ``high``, to rounding if they have one minimum there."""
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    for _ in range(60):
+        first, second = high - golden * (high - low), low + golden * (high - low)
         lower = energy(first) <= energy(second)
         low, high = np.where(lower, low, first), np.where(lower, second, high)
-    out = r.copy()
-    out[lost] = 0.5 * (low + high)
-    return out
+    return np.asarray(0.5 * (low + high))
 
 
 def _argmin(law: Superpotential, a: Array, b: Array) -> Array:
@@ -192,7 +204,7 @@ def _argmin_of_many(law: Superpotential, a: Array, b: Array) -> Array:
 def _bisected(law: Superpotential, a: Array, b: Array) -> Array:
     """The minimiser where ``a r + j'(r)`` grows: the number of knots passed, by bisection."""
     count = law.searched
-    found = []
+    passed_knots = []
     for side in (1, 0):  # knots with b above the right slope; knots with b not below the left one
         low, high = np.full(a.shape, -1), np.full(a.shape, count)
         while np.any(high - low > 1):
@@ -201,8 +213,8 @@ def _bisected(law: Superpotential, a: Array, b: Array) -> Array:
             passed = (b > force) if side else (b >= force)
             passed = passed & (high - low > 1)
             low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
-        found.append(low + 1)
-    piece, reached = found
+        passed_knots.append(low + 1)
+    piece, reached = passed_knots
     return _on_graph(law, a, b, piece, piece < reached)
 
 
@@ -224,10 +236,10 @@ def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
     keep = (low < high) & (first < 0.0) & (last > 0.0)
     some = some if some.rows == 1 else some.take(np.flatnonzero(keep))
     row, piece, low, high = row[keep], piece[keep], low[keep], high[keep]
-    root, found = some.stationary_point(piece, a[row], b[row], low, high, np.ones(row.size, dtype=bool))
+    root, exists = some.stationary_point(piece, a[row], b[row], low, high, np.ones(row.size, dtype=bool))
     with np.errstate(invalid="ignore", over="ignore"):
         energy = 0.5 * a[row] * root**2 - b[row] * root + some.piece_value(piece, root)
-    places, rows, energies = [root], [row], [np.where(found, energy, np.inf)]
+    places, rows, energies = [root], [row], [np.where(exists, energy, np.inf)]
     row, knot = np.nonzero(~(passed | ahead))
     some = law if law.rows == 1 else law.take(row)
     t = some.place_of(knot)
@@ -237,27 +249,27 @@ def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
     places.append(t)
     rows.append(row)
     energies.append(np.where(valid, 0.5 * a[row] * t**2 - b[row] * t + some.value(t), np.inf))
-    place, row, energy = np.concatenate(places), np.concatenate(rows), np.concatenate(energies)
+    points, row, energy = np.concatenate(places), np.concatenate(rows), np.concatenate(energies)
     order = np.lexsort((energy, row))
-    place, row, energy = place[order], row[order], energy[order]
+    points, row, energy = points[order], row[order], energy[order]
     out = np.full(m, np.nan)
     first_of_row = np.concatenate([[True], row[1:] != row[:-1]]) if row.size else np.zeros(0, dtype=bool)
     chosen = first_of_row & np.isfinite(energy)
-    out[row[chosen]] = place[chosen]
+    out[row[chosen]] = points[chosen]
     return out
 
 
 def _argmin_of_growing(law: Superpotential, a: Array, b: Array) -> Array:
     """The minimiser where ``a r + j'(r)`` grows."""
-    piece, held = _classified(law, a, b)
-    return _on_graph(law, np.broadcast_to(a, piece.shape), np.broadcast_to(b, piece.shape), piece, held)
+    piece, at_knot = _classified(law, a, b)
+    return _on_graph(law, np.broadcast_to(a, piece.shape), np.broadcast_to(b, piece.shape), piece, at_knot)
 
 
-def _on_graph(law: Superpotential, a: Array, b: Array, piece: IntArray, held: BoolArray) -> Array:
-    """Where ``a r + j'(r) = b``: at the end of the piece where it is held there, else on the piece."""
+def _on_graph(law: Superpotential, a: Array, b: Array, piece: IntArray, at_knot: BoolArray) -> Array:
+    """Where ``a r + j'(r) = b``: at the knot that ends the piece, or on the piece."""
     lower, upper = law.piece_bounds(piece)
-    inside, found = law.stationary_point(piece, a, b, lower, upper, ~held & (lower < upper))
-    return np.where(held, upper, np.where(found, inside, np.nan))
+    inside, exists = law.stationary_point(piece, a, b, lower, upper, ~at_knot & (lower < upper))
+    return np.where(at_knot, upper, np.where(exists, inside, np.nan))
 
 
 def _classified(law: Superpotential, a: Array, b: Array) -> tuple[IntArray, BoolArray]:

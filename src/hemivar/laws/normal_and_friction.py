@@ -1,4 +1,4 @@
-"""What laws with a normal law and friction beside it have in common, whichever way the friction may point."""
+"""Base of contact laws that split into a normal law and friction, isotropic or not."""
 
 from __future__ import annotations
 
@@ -95,13 +95,13 @@ class NormalAndFriction(Glue):
         return np.asarray(self.normal.value(-known["opening"]) - 0.5 * known["stiffness"] * known["opening"] ** 2)
 
     def lost_by(self, known: Mapping[str, Array]) -> Array:
-        told = self.normal.debonding(-known["opening"])
-        if "damage" not in told or np.isnan(told["damage"]).any():
+        lost = self.normal.debonding(-known["opening"])
+        if "damage" not in lost or np.isnan(lost["damage"]).any():
             raise ProblemError(
                 f"law '{self.normal.name}' has no damage on which friction could act; use Adhesive(...) or "
                 "MixedMode(...)"
             )
-        return told["damage"]
+        return lost["damage"]
 
     # ---- the bound --------------------------------------------------------------------------------------
 
@@ -186,7 +186,7 @@ class NormalAndFriction(Glue):
         if not isinstance(bound, StateBound) or bound.knots.shape[1] == 0:
             return knots
         rows = max(len(knots), len(bound.knots))
-        both = [np.broadcast_to(one, (rows, one.shape[1])) for one in (knots, bound.knots)]
+        both = [np.broadcast_to(table, (rows, table.shape[1])) for table in (knots, bound.knots)]
         return np.sort(np.concatenate(both, axis=1), axis=1)
 
     def admissible(self, r: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Law parameters: numbers, one number per contact point, or functions of x."""
+"""Law parameters (numbers, one per contact point, formulas, functions of x): metadata, limits, evaluation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ __all__ = [
     "word",
 ]
 
-#: The farthest that an own law may reach: beyond it squares and cubes leave the range of numbers.
+#: The farthest that an own law may reach, and its inverse the nearest: the fourth power, 1e300, is still a number.
 _FARTHEST = 1e75
 
 #: Units.
@@ -81,10 +81,10 @@ FRICTION = {
 
 def read_formulas(owner: DataclassInstance, whose: str) -> None:
     """Make formulas of the texts among the stated parameters of a dataclass that is being made."""
-    for one in fields(owner):
-        value, said = getattr(owner, one.name), one.metadata.get("stated")
-        if isinstance(value, str) and said is not None and said.form is Form.QUANTITY:
-            object.__setattr__(owner, one.name, Formula(value, f"{one.name} of {whose}"))
+    for parameter in fields(owner):
+        value, stated = getattr(owner, parameter.name), parameter.metadata.get("stated")
+        if isinstance(value, str) and stated is not None and stated.form is Form.QUANTITY:
+            object.__setattr__(owner, parameter.name, Formula(value, f"{parameter.name} of {whose}"))
 
 
 def evaluate(
@@ -129,22 +129,22 @@ def field_values(owner: DataclassInstance, points: Array | None, whose: str) -> 
 
     A field that is left out, None, is none of them.
     """
-    found: dict[str, Array] = {}
-    for one in fields(owner):
-        given, said = getattr(owner, one.name), one.metadata.get("stated", Stated(Form.QUANTITY))
-        if given is not None or one.default is not None:
-            found[one.name] = evaluate(
-                given, points, f"{one.name} of {whose}", said.least, above=said.above, most=said.most
+    values: dict[str, Array] = {}
+    for parameter in fields(owner):
+        given, stated = getattr(owner, parameter.name), parameter.metadata.get("stated", Stated(Form.QUANTITY))
+        if given is not None or parameter.default is not None:
+            values[parameter.name] = evaluate(
+                given, points, f"{parameter.name} of {whose}", stated.least, above=stated.above, most=stated.most
             )
-    return found
+    return values
 
 
 def common_rows(whose: str, *sizes: int) -> int:
     """For how many contact points numbers and laws of these sizes are together: 1 for all, 0 on a rank without any."""
-    found = set(sizes) - {1}
-    if len(found) > 1:
-        raise ProblemError(f"{whose}: its parameters are given for {sorted(found)} contact points; make them equal")
-    return found.pop() if found else 1
+    rows = set(sizes) - {1}
+    if len(rows) > 1:
+        raise ProblemError(f"{whose}: its parameters are given for {sorted(rows)} contact points; make them equal")
+    return rows.pop() if rows else 1
 
 
 def _where(bad: np.ndarray, points: Array | None) -> str:
@@ -155,12 +155,12 @@ def _where(bad: np.ndarray, points: Array | None) -> str:
 
 def checked_reach(reach: object, of: str) -> float:
     """The reach of a law or a bound, a positive length whose powers are numbers."""
-    found = number(reach, f"reach of {of}", "give a length")
-    if not 0.0 < found < np.inf:
-        raise ProblemError(f"reach of {of} is {found}; it must be a positive length")
-    if not 1.0 / _FARTHEST <= found <= _FARTHEST:
+    far = number(reach, f"reach of {of}", "give a length")
+    if not 0.0 < far < np.inf:
+        raise ProblemError(f"reach of {of} is {far}; it must be a positive length")
+    if not 1.0 / _FARTHEST <= far <= _FARTHEST:
         raise ProblemError(
-            f"reach of {of} is {found:g}; it must lie between {1.0 / _FARTHEST:g} and {_FARTHEST:g}: take another unit "
+            f"reach of {of} is {far:g}; it must lie between {1.0 / _FARTHEST:g} and {_FARTHEST:g}: take another unit "
             "of length"
         )
-    return found
+    return far

@@ -1,4 +1,4 @@
-"""Laws with parameters that may vary over the contact boundary: what the named ones have in common."""
+"""Laws with parameters that may vary over the contact boundary: base classes of the named laws."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class ParameterLaw(Superpotential):
         read_formulas(self, f"law '{self.name}'")  # type: ignore[arg-type]
 
     def _values(self, points: Array | None) -> dict[str, Array]:
-        found = field_values(self, points, f"law '{self.name}'")  # type: ignore[arg-type]
-        common_rows(f"law '{self.name}'", *(value.size for value in found.values()))
-        return found
+        numbers = field_values(self, points, f"law '{self.name}'")  # type: ignore[arg-type]
+        common_rows(f"law '{self.name}'", *(value.size for value in numbers.values()))
+        return numbers
 
     @property
     def stated(self) -> Mapping[str, object]:

@@ -1,4 +1,4 @@
-"""Laws with piecewise linear derivative: one table from which everything is derived in closed form."""
+"""Laws with piecewise linear derivative (piecewise quadratic potential): one table, everything else in closed form."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.superpotential import Interval, Superpotential, entry
 
 __all__ = ["PiecewiseQuadratic", "TabulatedLaw"]
-
-#: Knots up to which slopes that cancel are told one by one.
-_FEW = 40
 
 
 class TabulatedLaw(Superpotential):
@@ -33,7 +31,7 @@ class TabulatedLaw(Superpotential):
 
     @property
     def knots(self) -> Array:
-        return self.table._told
+        return self.table._stated_knots
 
     @property
     def domain(self) -> Interval:
@@ -45,8 +43,8 @@ class TabulatedLaw(Superpotential):
         return entry(knots, piece), entry(slopes, piece)
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
-        place, slope, base = (entry(table, piece) for table in self.table._energies)
-        s = r - place
+        anchor, slope, base = (entry(table, piece) for table in self.table._energies)
+        s = r - anchor
         return base + slope * s + 0.5 * entry(self.table.slopes, piece) * s**2
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
@@ -116,7 +114,7 @@ class TabulatedLaw(Superpotential):
             return RescaledLaw(table, factor)
         times, ends = factor[:, None], (table.lower, table.upper)
         sides = times * table._left, times * table._right
-        made = table.with_sides(table._told, times * table.slopes, *sides, ends, self.name)
+        made = table.with_sides(table._stated_knots, times * table.slopes, *sides, ends, self.name)
         if not np.isfinite(made.slopes).all() or not np.isfinite(made.start).all():
             raise ProblemError(
                 f"law '{self.name}': with the factor {factor.max():g} a slope overflows; take other units"
@@ -162,7 +160,7 @@ class PiecewiseQuadratic(TabulatedLaw):
     upper: Array | float = np.inf
     name: str = "piecewise"
     stated: Mapping[str, object] | None = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
-    _told: Array = field(init=False, repr=False)
+    _stated_knots: Array = field(init=False, repr=False)
     _left: Array = field(init=False, repr=False)
     _right: Array = field(init=False, repr=False)
 
@@ -245,14 +243,14 @@ class PiecewiseQuadratic(TabulatedLaw):
 
     def _lay_out(
         self,
-        told: Array,
+        stated: Array,
         slopes: Array,
         left: Array,
         right: Array,
         ends: tuple[Array, Array],
         jumps: Array | None = None,
     ) -> None:
-        knots, used, count = filled(told), np.isfinite(told), told.shape[-1]
+        knots, used, count = filled(stated), np.isfinite(stated), stated.shape[-1]
         if not used.all():  # an unused knot lies on the last piece and is none of the knots that are told
             last = np.sum(used, axis=-1, keepdims=True) - 1
             slopes = np.where(np.arange(count + 1) > last + 1, np.take_along_axis(slopes, last + 1, -1), slopes)
@@ -266,7 +264,7 @@ class PiecewiseQuadratic(TabulatedLaw):
             ("start", left[..., 0]),
             ("lower", ends[0]),
             ("upper", ends[1]),
-            ("_told", told),
+            ("_stated_knots", stated),
             ("_left", left),
             ("_right", right),
         ):
@@ -296,14 +294,14 @@ class PiecewiseQuadratic(TabulatedLaw):
         ends = np.concatenate([knots, knots[:, -1:]], axis=1), np.concatenate([knots[:, :1], knots], axis=1)
         first, last = np.arange(bends.shape[1]) == 0, np.arange(bends.shape[1]) == knots.shape[1]
         above, below = np.where(last, np.inf, ends[0]) <= origin, np.where(first, -np.inf, ends[1]) >= origin
-        place = np.where(above, ends[0], np.where(below, ends[1], origin))
+        near = np.where(above, ends[0], np.where(below, ends[1], origin))
         anchors, sides = self._anchors
-        slope = np.where(above, np.concatenate([self._left, sides[:, -1:]], axis=1), sides + bends * (place - anchors))
-        up, down = ((slope + 0.5 * bends * (end - place)) * (end - place) for end in ends)
+        slope = np.where(above, np.concatenate([self._left, sides[:, -1:]], axis=1), sides + bends * (near - anchors))
+        up, down = ((slope + 0.5 * bends * (end - near)) * (end - near) for end in ends)
         rises, falls = np.cumsum(up[:, :-1], axis=1), np.cumsum(down[:, :0:-1], axis=1)[:, ::-1]
         values = rises + falls
         base = np.where(above, values[:, [*range(knots.shape[1]), -1]], values[:, [0, *range(knots.shape[1])]])
-        return place, slope, np.where(above | below, base, 0.0)
+        return near, slope, np.where(above | below, base, 0.0)
 
     def _inside(self) -> tuple[BoolArray, BoolArray]:
         """Pieces and knots that lie inside the domain (knots: strictly)."""
@@ -331,14 +329,14 @@ class PiecewiseQuadratic(TabulatedLaw):
             return self
         ends = np.asarray(self.lower)[index], np.asarray(self.upper)[index]
         return self.with_sides(
-            self._told[index], self.slopes[index], self._left[index], self._right[index], ends, self.name
+            self._stated_knots[index], self.slopes[index], self._left[index], self._right[index], ends, self.name
         )
 
 
 def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Array, Array]:
     """j' to the left and to the right of each knot, (m, K) each."""
     width, count = np.diff(knots, axis=-1), knots.shape[-1]
-    if count > _FEW:  # sums in the order of the knots: jump, rise, jump, rise, ...
+    if count > MANY:  # sums in the order of the knots: jump, rise, jump, rise, ...
         steps = np.empty((*knots.shape[:-1], 2 * count))
         steps[..., 0], steps[..., 1::2], steps[..., 2::2] = start, jumps, slopes[..., 1:-1] * width
         reached = np.cumsum(steps, axis=-1)

@@ -1,4 +1,4 @@
-"""Laws whose parameters are known; a law times a factor, of an argument that is scaled and shifted."""
+"""Affine rescaling of laws: a law times a factor, of an argument that is scaled and shifted; parameters are known."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def taken(part: Part, index: IntArray) -> Part:
     if isinstance(part, np.ndarray):
         return row(part, index)
     if isinstance(part, tuple):
-        return cast(Part, tuple(taken(one, index) for one in part))
+        return cast(Part, tuple(taken(part_of_it, index) for part_of_it in part))
     return _each_taken(part, index) if is_dataclass(part) and not isinstance(part, type) else part
 
 
 def _each_taken(whole: Part, index: IntArray) -> Part:
-    named = ((one.name, getattr(whole, one.name)) for one in fields(whole) if one.init)  # type: ignore[arg-type]
+    named = ((field.name, getattr(whole, field.name)) for field in fields(whole) if field.init)  # type: ignore[arg-type]
     return replace(whole, **{name: taken(part, index) for name, part in named})  # type: ignore[type-var]
 
 
@@ -118,8 +118,8 @@ class RescaledLaw(ResolvedLaw):
     def place_of(self, knot: IntArray) -> Array:
         if not self.searched:
             return super().place_of(knot)
-        place = self.base.place_of(knot)
-        return np.asarray((place - self.c) / self.theta) if self.moved else place
+        r = self.base.place_of(knot)
+        return np.asarray((r - self.c) / self.theta) if self.moved else r
 
     def knots_before(self, r: Array) -> IntArray:
         near = self.base.knots_before(self._argument(r))

@@ -1,4 +1,4 @@
-"""The graph of a scalar law: its pieces and knots in turn, and where a pair lies on it.
+"""The graph of a scalar law (its subdifferential): pieces and knots in turn, and where a pair lies on it.
 
 Part 2 i of a graph is its piece i, and part 2 i + 1 the knot that ends it.  By the displacement :func:`part_of` finds
 the part, by the force :func:`~hemivar.laws.minimisers.knot_forces` does.
@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.minimisers import AT_ONCE
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
@@ -25,11 +26,7 @@ __all__ = [
     "straightness",
 ]
 
-#: Pairs of a point and a knot that are looked at together.
-_PAIRS = 1 << 20
-#: Derivatives of a law below this share of its largest one at a knot are rounding.
-_SLOPE_NOISE = 1e-12
-#: Part of a force that it may jump by and count as continuous: rounding.
+#: Part of the largest force that is rounding: 4500 roundings.
 _ROUNDED = 1e-12
 #: Parts of a way at which a law is looked at.
 _SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
@@ -61,8 +58,8 @@ def straightness(law: Superpotential, piece: IntArray) -> tuple[Array, BoolArray
         width = np.where(np.isfinite(high - low), high - low, size)
         end = np.where(np.isfinite(high - low), high, near + _FAR * size)
         places = (near, near + 0.41 * width, end)
-        found = np.array([np.broadcast_to(law.piece_curvature(piece, at), piece.shape) for at in places])
-        return found[1], np.asarray(np.ptp(found, axis=0) <= 1e-13 * np.abs(found).max(axis=0))
+        curvatures = np.array([np.broadcast_to(law.piece_curvature(piece, at), piece.shape) for at in places])
+        return curvatures[1], np.asarray(np.ptp(curvatures, axis=0) <= 1e-13 * np.abs(curvatures).max(axis=0))
 
 
 def is_straight(law: Superpotential) -> bool:
@@ -96,7 +93,7 @@ def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
         # A slope that is rounding of the law leads to no minimiser: r is next to one all the same.
         steep = np.maximum(np.where(go_right, -falling, 0.0), np.where(go_left, rising, 0.0))
         slopes = np.abs(np.concatenate([side.ravel() for side in law.knot_slopes()]))
-        noise = _SLOPE_NOISE * slopes.max(initial=0.0, where=np.isfinite(slopes))
+        noise = _ROUNDED * slopes.max(initial=0.0, where=np.isfinite(slopes))
         far = np.where(valid, np.abs(points - r[..., None]), np.inf)
         near = np.take_along_axis(points, far.argmin(axis=-1)[..., None], axis=-1)[..., 0]
         target = np.where(~np.isfinite(target) & (steep <= noise) & np.isfinite(far.min(axis=-1)), near, target)
@@ -108,7 +105,7 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
 
     Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
     """
-    place, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
+    nearest, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
     knots = law.knots
     left, right = law.knot_slopes()
     low, high = np.minimum(left, right), np.maximum(left, right)
@@ -134,7 +131,7 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
         off = look(every, index)
         better = off < best
         best = np.where(better, off, best)
-        place = np.where(better, knots[0, index] if shared else knots[every, index], place)
+        nearest = np.where(better, knots[0, index] if shared else knots[every, index], nearest)
     reach = best * tau
     first, last = between(r - reach, r + reach)
     count = last - first
@@ -142,7 +139,7 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
     point = 0
     while point < r.size:
         check_time()
-        stop = max(int(np.searchsorted(starts, starts[point] + _PAIRS, side="right")) - 1, point + 1)
+        stop = max(int(np.searchsorted(starts, starts[point] + AT_ONCE, side="right")) - 1, point + 1)
         rows = np.repeat(every[point:stop], count[point:stop])
         begins = starts[point:stop] - starts[point]
         index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
@@ -156,9 +153,9 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
             better = least < best[point:stop][some]
             rows, index = rows[chosen][better], index[chosen][better]
             best[rows] = least[better]
-            place[rows] = knots[0, index] if shared else knots[rows, index]
+            nearest[rows] = knots[0, index] if shared else knots[rows, index]
         point = stop
-    return place
+    return nearest
 
 
 def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[Array, Array, Array, Array]:
@@ -196,20 +193,20 @@ def steepest(law: Superpotential, rest: Array, sign: float, size: float) -> Arra
     """
     m = rest.size
     far = rest + sign * size
-    found = np.broadcast_to(law.recession(np.full(m, sign)), (m,)).astype(float)
+    slopes = np.broadcast_to(law.recession(np.full(m, sign)), (m,)).astype(float)
     with np.errstate(all="ignore"):
         for part in (0.0, *_SAMPLED):
             at = rest + sign * part * size
             ends = law.domain
             inside = (at >= ends.lower) & (at <= ends.upper)
             slope = sign * law.derivative(np.clip(at, ends.lower, ends.upper))
-            found = np.where(inside & (slope > found), slope, found)
+            slopes = np.where(inside & (slope > slopes), slope, slopes)
         left, right = law.knot_slopes()
         knots, left, right = (np.broadcast_to(a, (m, law.knots.shape[-1])) for a in (law.knots, left, right))
         onward = np.isfinite(knots) & (sign * (knots - rest[:, None]) >= 0.0)
         steepest = np.where(onward, np.maximum(sign * left, sign * right), -np.inf).max(axis=1, initial=-np.inf)
     ends_before = np.isfinite(far) & ((far > law.domain.upper) if sign > 0.0 else (far < law.domain.lower))
-    return np.where(ends_before, np.inf, np.maximum(found, steepest))
+    return np.where(ends_before, np.inf, np.maximum(slopes, steepest))
 
 
 def radial_sides(law: Superpotential, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
@@ -227,10 +224,10 @@ def radial_sides(law: Superpotential, r: Array, lam: Array, active: BoolArray, t
     outward = np.zeros((moving.size, d))
     outward[:, 1:] = r[moving, 1:] / size[moving, None]
     along = np.einsum("ki,ki->k", outward, lam[moving])
-    found = [still, Sides(moving, outward, along, *(values[moving] for values in radial))]
+    sides = [still, Sides(moving, outward, along, *(values[moving] for values in radial))]
     if d == 3:
         across = np.stack([np.zeros(moving.size), -outward[:, 2], outward[:, 1]], axis=1)
         turns = np.any((across != 0.0) & active[moving], axis=1)
         point, none, bend = moving[turns], np.zeros(int(turns.sum())), (along / size[moving])[turns]
-        found.append(Sides(point, across[turns], none, none, none, bend, bend))
-    return found
+        sides.append(Sides(point, across[turns], none, none, none, bend, bend))
+    return sides

@@ -1,4 +1,4 @@
-"""What a law of a point does to both sides of a displacement, asked of its multipliers and second derivatives alone."""
+"""One-sided derivatives of a law at a displacement, in every direction: what decides whether it is a local minimum."""
 
 from __future__ import annotations
 
@@ -49,25 +49,25 @@ def sides_of(law: VectorLaw, r: Array, lam: Array, active: BoolArray, tau: Array
     step = np.maximum(slack * tau.max(axis=1), np.maximum(_BESIDE * np.abs(r).max(axis=1), _LEAST))[:, None]
     unit, line = np.eye(c), law.linearise(r)
     smooth = np.repeat(line.smooth, [1, c - 1], axis=1)
-    beside = [[law.linearise(law.admissible(r + sign * step * way)) for sign in (-1.0, 1.0)] for way in unit]
+    beside = [[law.linearise(law.admissible(r + sign * step * along)) for sign in (-1.0, 1.0)] for along in unit]
     index, ends = np.flatnonzero(active[:, 0] & ~smooth[:, 0]), law.pressures(r)
     before, after = beside[0]
     falls = before.smooth[:, 0] & after.smooth[:, 0] & (before.gradient[:, 0] > after.gradient[:, 0])
     below, above = (np.where(falls, *both)[index] for both in ((ends.upper, ends.lower), (ends.lower, ends.upper)))
     normal = (np.broadcast_to(unit[0], (index.size, c)), lam[index, 0], below, above)
-    found = [Sides(index, *normal, *(other.hessian[index, 0, 0] for other in beside[0]))]
+    sides = [Sides(index, *normal, *(other.hessian[index, 0, 0] for other in beside[0]))]
     if (active & ~smooth)[:, 1:].any():
         force, most = rest_forces(law, r, np.where(active[:, 1:], lam[:, 1:], 0.0), active[:, 1:])
         rest, column = np.nonzero((active & ~smooth)[:, 1:])
         bend = np.stack([other.hessian for _, other in beside[1:]])[column, rest, column + 1, column + 1]
-        found.append(Sides(rest, unit[1:][column], force[rest], -most[rest], most[rest], bend, bend))
+        sides.append(Sides(rest, unit[1:][column], force[rest], -most[rest], most[rest], bend, bend))
     free = active & smooth
     rows = np.flatnonzero(free.any(axis=1))
     hessians = [line.hessian]
-    for other in (one for both in beside for one in both):  # but those at a kink that r is not at
+    for other in (beside_r for both in beside for beside_r in both):  # but those at a kink that r is not at
         same: BoolArray = np.all(other.smooth | ~line.smooth, axis=1)
         hessians.append(np.where(same[:, None, None], other.hessian, line.hessian))
-    return found + _principal(rows, np.stack(hessians)[:, rows], free[rows]) if rows.size else found
+    return sides + _principal(rows, np.stack(hessians)[:, rows], free[rows]) if rows.size else sides
 
 
 def rest_forces(law: VectorLaw, r: Array, pull: Array, active: BoolArray) -> tuple[Array, Array]:
@@ -97,18 +97,18 @@ def _principal(rows: IntArray, hessians: Array, free: BoolArray) -> list[Sides]:
     c, every = free.shape[1], np.arange(rows.size)
     masked = np.where(free[:, :, None] & free[:, None, :], hessians, 0.0)
     size = np.abs(masked).max(axis=(0, 2, 3))
-    held = np.where(free, 0.0, 10.0 * (1.0 + size)[:, None])[:, :, None] * np.eye(c)
-    least = np.linalg.eigvalsh(masked + held)[..., 0]
+    shift = np.where(free, 0.0, 10.0 * (1.0 + size)[:, None])[:, :, None] * np.eye(c)
+    least = np.linalg.eigvalsh(masked + shift)[..., 0]
     lower = np.where(least < least[0] - _JUMPS * size, least, np.inf)
-    values, vectors = np.linalg.eigh(masked[np.argmin(lower, axis=0), every] + held)
-    found = []
+    values, vectors = np.linalg.eigh(masked[np.argmin(lower, axis=0), every] + shift)
+    sides = []
     for k in range(c):
-        own = np.flatnonzero(k < free.sum(axis=1))  # those of held components are the last ones
-        way, bend, none = vectors[own, :, k], values[own, k], np.zeros(own.size)
-        high = np.einsum("ki,nkij,kj->nk", way, masked[:, own], way).max(axis=0)
+        own = np.flatnonzero(k < free.sum(axis=1))  # those of fixed components are the last ones
+        direction, bend, none = vectors[own, :, k], values[own, k], np.zeros(own.size)
+        high = np.einsum("ki,nkij,kj->nk", direction, masked[:, own], direction).max(axis=0)
         high = np.where(high - bend > _JUMPS * size[own], high, bend)
-        found.append(Sides(rows[own], way, none, none, none, bend, high))
-    return found
+        sides.append(Sides(rows[own], direction, none, none, none, bend, high))
+    return sides
 
 
 def most_resisted(law: VectorLaw, rest: Array, size: float) -> tuple[Array, Array, Array]:
@@ -124,10 +124,10 @@ def most_resisted(law: VectorLaw, rest: Array, size: float) -> tuple[Array, Arra
     law = law.take(np.repeat(np.arange(m), count))
     most = np.zeros((_TURNS, m))
     for i, (up, along) in enumerate(zip(_UP.tolist(), _ASIDE.tolist(), strict=True)):
-        way = np.column_stack([np.full(m * count, up), along * heading])
+        turn = np.column_stack([np.full(m * count, up), along * heading])
         far = np.column_stack([np.full(m * count, up and np.copysign(np.inf, up)), _LARGE * along * heading])
         with np.errstate(all="ignore"):
-            slope = (law.nearest_multiplier(places + np.tile(size * _ALONG, m)[:, None] * way, far) * way).sum(axis=1)
+            slope = (law.nearest_multiplier(places + np.tile(size * _ALONG, m)[:, None] * turn, far) * turn).sum(axis=1)
             most[i] = np.maximum(np.nan_to_num(slope, posinf=np.inf).reshape(m, count).max(axis=1), 0.0)
     middle = _TURNS // 2
     up, slide, down = most[0], most[middle], most[-1]
@@ -140,8 +140,10 @@ def most_resisted(law: VectorLaw, rest: Array, size: float) -> tuple[Array, Arra
                 share = np.minimum(share, np.where(whole > 0.0, most[i] / np.where(whole > 0.0, whole, 1.0), 1.0))
         shares.append(share)
     with np.errstate(invalid="ignore"):
-        held = [np.where(np.isinf(ends), np.inf, ends * share) for ends, share in zip((up, down), shares, strict=True)]
-    return held[0], held[1], slide * np.minimum(*shares)
+        most_met = [
+            np.where(np.isinf(ends), np.inf, ends * share) for ends, share in zip((up, down), shares, strict=True)
+        ]
+    return most_met[0], most_met[1], slide * np.minimum(*shares)
 
 
 def lengths(x: Array) -> Array:

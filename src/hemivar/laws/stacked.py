@@ -1,4 +1,4 @@
-"""Different scalar laws at different contact points, as one law."""
+"""Different scalar laws at different contact points as one superpotential (gather and scatter)."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class StackedLaw(Superpotential):
 
     def _gather(self, ask: Callable[[Superpotential, IntArray], Array]) -> Array:
         """What each part says of its contact points, (m,)."""
-        found = [
+        answers = [
             np.broadcast_to(ask(part, index), index.shape) for part, index in zip(self.parts, self.indices, strict=True)
         ]
-        out = np.empty(self.rows, dtype=np.result_type(*found))
-        for index, values in zip(self.indices, found, strict=True):
+        out = np.empty(self.rows, dtype=np.result_type(*answers))
+        for index, values in zip(self.indices, answers, strict=True):
             out[index] = values
         return out
 
@@ -141,11 +141,11 @@ class StackedLaw(Superpotential):
 def gathered_debonding(parts: Sequence[dict[str, Array]], indices: Sequence[IntArray]) -> dict[str, Array]:
     """What the parts of a law say of their contact points, as one; nan where a part says nothing of it."""
     count = sum(index.size for index in indices)
-    found = {name: np.full(count, np.nan) for part in parts for name in part}
+    out = {name: np.full(count, np.nan) for part in parts for name in part}
     for part, index in zip(parts, indices, strict=True):
         for name, values in part.items():
-            found[name][index] = values
-    return found
+            out[name][index] = values
+    return out
 
 
 def stack(laws: Sequence[tuple[Superpotential, int]]) -> Superpotential:

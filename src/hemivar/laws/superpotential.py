@@ -1,4 +1,4 @@
-"""The interface of a superpotential and everything that follows from its pieces.
+"""The interface of a superpotential: Clarke subdifferential, prox and constants, which follow from its pieces.
 
 A superpotential is a scalar function j(r), smooth between *knots*.  A law supplies its knots and, on every
 piece between two knots, its derivative and curvature; the Clarke subdifferential, the distance to the graph, the
@@ -23,12 +23,9 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import minimisers
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.description import LawDescription, describe
-from hemivar.laws.minimisers import AT_ONCE, FAR
+from hemivar.laws.minimisers import AT_ONCE, FAR, MANY
 
 __all__ = ["Interval", "Superpotential", "entry"]
-
-#: Knots from which on they are many.
-_MANY = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +217,7 @@ class Superpotential(PickleMixin, ABC):
     def searched(self) -> int:
         """Number of knots if they are many, in a row for all points, and found by bisection; else 0."""
         knots = self.knots
-        return knots.shape[-1] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else 0
+        return knots.shape[-1] if knots.shape[0] == 1 and knots.shape[-1] > MANY else 0
 
     @property
     def width(self) -> int:
@@ -287,8 +284,8 @@ class Superpotential(PickleMixin, ABC):
         knots = self.knots
         at = np.where(np.isfinite(knots), knots, 0.0)
         pieces = range(knots.shape[-1] + 1)
-        found = [self.piece_curvature(np.full(len(at), i, dtype=np.int64), at[:, max(i - 1, 0)]) for i in pieces]
-        return np.stack(found, axis=-1)
+        curvatures = [self.piece_curvature(np.full(len(at), i, dtype=np.int64), at[:, max(i - 1, 0)]) for i in pieces]
+        return np.stack(curvatures, axis=-1)
 
     def kinks(self) -> BoolArray:
         """Which knots are kinks (the derivative jumps there), shape ``(m or 1, K)``."""
@@ -322,7 +319,7 @@ class Superpotential(PickleMixin, ABC):
 
     def kink_within(self, r: Array, near: float) -> Array:
         """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
-        best, place = np.full(r.shape, near), np.full(r.shape, np.nan)
+        best, kink = np.full(r.shape, near), np.full(r.shape, np.nan)
         count, after = self.width, self.piece_of(r)
         for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
             inside = np.clip(knot, 0, count - 1)
@@ -330,8 +327,8 @@ class Superpotential(PickleMixin, ABC):
             off = np.abs(r - there)
             left, right = self.slopes_at(inside)
             better = (left != right) & (off <= best)
-            best, place = np.where(better, off, best), np.where(better, there, place)
-        return place
+            best, kink = np.where(better, off, best), np.where(better, there, kink)
+        return kink
 
     def derivative(self, r: Array) -> Array:
         """j'(r); at a kink, the one-sided derivative from the left."""
@@ -417,9 +414,9 @@ class Superpotential(PickleMixin, ABC):
         """:meth:`graph_distance`, from the knots nearest to r outwards until the next one is farther than the best."""
         r, lam, tau, best = np.broadcast_arrays(r, lam, tau, best)
         out, r, lam, tau = best.ravel().copy(), r.ravel(), lam.ravel(), tau.ravel()
-        place, count, rows = self.knots_before(r), self.searched, None if self.rows == 1 else np.arange(r.size)
+        behind, count, rows = self.knots_before(r), self.searched, None if self.rows == 1 else np.arange(r.size)
         for step in (-1, 1):
-            first = place - 1 if step < 0 else place
+            first = behind - 1 if step < 0 else behind
             open_, done, width = np.arange(r.size), 0, 4
             while True:
                 knot = first[open_, None] + step * np.arange(done, done + width)
@@ -432,8 +429,8 @@ class Superpotential(PickleMixin, ABC):
                     lam[open_, None] - np.maximum(left, right),
                 )
                 apart = (r[open_, None] - law.place_of(knot.ravel()).reshape(knot.shape)) / tau[open_, None]
-                found = np.where(valid, np.hypot(apart, off), np.inf).min(axis=1)
-                out[open_] = np.minimum(out[open_], found)
+                nearest = np.where(valid, np.hypot(apart, off), np.inf).min(axis=1)
+                out[open_] = np.minimum(out[open_], nearest)
                 going = valid[:, -1] & (np.abs(apart[:, -1]) < out[open_])
                 open_ = open_[going]
                 if not open_.size:

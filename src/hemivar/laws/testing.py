@@ -1,4 +1,4 @@
-"""A conformance kit: is a law, a user's own too, consistent with itself?
+"""Conformance kit for scalar laws: is a law, a user's own too, consistent with itself?
 
 from hemivar.laws.testing import check_law
 check_law(MyLaw(...))
@@ -99,12 +99,12 @@ class _Checker(Samples):
     """Samples of a law at its first contact point, and the questions about them."""
 
     def __init__(self, law: Superpotential, reach: float | None, seed: int) -> None:
-        one = law.take(np.array([0])) if law.knots.shape[0] > 1 else law
-        knots = one.knots[0][np.isfinite(one.knots[0])]
+        single = law.take(np.array([0])) if law.knots.shape[0] > 1 else law
+        knots = single.knots[0][np.isfinite(single.knots[0])]
         size = float(reach or 3.0 * float(np.abs(knots).max(initial=0.0)) or 1.0)
-        super().__init__(one, size)
+        super().__init__(single, size)
         self.whole, self.random = law, np.random.default_rng(seed)
-        self.questions = Questions(_Alone(one), size, 1, self.random, self.grid)
+        self.questions = Questions(_Alone(single), size, 1, self.random, self.grid)
 
     def shapes(self) -> str | None:
         r = np.linspace(self.low, self.high, 7)
@@ -132,18 +132,18 @@ class _Checker(Samples):
         return self.zero()
 
     def subdifferential(self) -> str | None:
-        step, found = 1e-7 * self.reach, self.law.subdifferential(self.knots)
-        told = np.stack([found.lower, found.upper], axis=1)
+        step, interval = 1e-7 * self.reach, self.law.subdifferential(self.knots)
+        stated = np.stack([interval.lower, interval.upper], axis=1)
         near = self.knots[:, None] + step * np.array([-1.0, 1.0])
         slope, bend = (of(near.ravel()).reshape(near.shape) for of in (self.law.derivative, self.law.curvature))
         slope = slope - (near - self.knots[:, None]) * bend
-        outside = np.where(np.abs(near) <= self.reach, np.array([-np.inf, np.inf]), told)
+        outside = np.where(np.abs(near) <= self.reach, np.array([-np.inf, np.inf]), stated)
         wanted = np.sort(np.where((near >= self.low) & (near <= self.high), slope, outside), axis=1)
-        wrong = ((told != wanted) & ~(np.abs(told - wanted) <= 1e-4 * self.slope)).any(axis=1)
+        wrong = ((stated != wanted) & ~(np.abs(stated - wanted) <= 1e-4 * self.slope)).any(axis=1)
         if not wrong.any():
             return None
         i = int(np.argmax(wrong))
-        lower, upper = told[i]
+        lower, upper = stated[i]
         return (
             f"at r = {self.knots[i]:.6g} it is [{lower:.6g}, {upper:.6g}], not [{wanted[i, 0]:.6g}, {wanted[i, 1]:.6g}]"
         )

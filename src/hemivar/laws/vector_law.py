@@ -1,4 +1,4 @@
-"""What the law of a contact point must answer, for the vector r of its local displacement."""
+"""The interface of a contact law j(r) of the displacement vector r at a point: subdifferential, prox, constants."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "spread"]
 
-#: Steps of a local minimiser at most, and the part of a displacement that is rounding.
-_STEPS, _SAME = 400, 1e-15
+#: Part of a displacement that is rounding: four or five roundings.
+_SAME = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ class VectorLaw(PickleMixin, ABC):
         """Pressures of the law at ``r (m, c)``, cut at the ends of its domain."""
         far = np.zeros(r.shape)
         far[:, 0] = np.inf
-        return Interval(*(self.nearest_multiplier(r, way)[:, 0] for way in (-far, far)))
+        return Interval(*(self.nearest_multiplier(r, push)[:, 0] for push in (-far, far)))
 
     def is_function(self, components: int) -> bool:
         """Whether there is one multiplier at each displacement, which changes continuously, as far as is known."""
@@ -252,11 +252,11 @@ class VectorLaw(PickleMixin, ABC):
         normal, slip = self.kinks(r)
         for k, kink in enumerate((normal[:, None], slip)):
             there, part = np.isfinite(kink), slice(k, None if k else 1)
-            for one, gap in list(zip(places, gaps, strict=True)) if there.any() else ():
-                places.append(one.copy())
-                places[-1][:, part] = np.where(there, kink, one[:, part])
+            for r_near, gap in list(zip(places, gaps, strict=True)) if there.any() else ():
+                places.append(r_near.copy())
+                places[-1][:, part] = np.where(there, kink, r_near[:, part])
                 gaps.append(np.hypot(gap, lengths(r[:, part] - places[-1][:, part]) / tau[:, k]))
-        off = [np.hypot(gap, self.distance(place, lam)) for gap, place in zip(gaps, places, strict=True)]
+        off = [np.hypot(gap, self.distance(r_there, lam)) for gap, r_there in zip(gaps, places, strict=True)]
         return np.stack(places), np.stack(off)
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
@@ -271,8 +271,8 @@ class VectorLaw(PickleMixin, ABC):
         """
         return np.asarray(self.frozen_at(r)._offers(r, lam, tau)[1].min(axis=0))
 
-    def crossings(self, r: Array, way: Array) -> Crossings | None:
-        """Where the law bends along ``r + t way``, ``(m, c)`` each; None where it is not quadratic in between."""
+    def crossings(self, r: Array, direction: Array) -> Crossings | None:
+        """Where the law bends along ``r + t direction``, ``(m, c)`` each; None where it is not quadratic in between."""
         return None
 
     def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
@@ -326,7 +326,7 @@ class VectorLaw(PickleMixin, ABC):
 
         The rate along a direction is at most what these give; friction whose bound depends on the state counts 0.
         """
-        up, down, slip = (self.recession(np.array([way])) for way in ([1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]))
+        up, down, slip = (self.recession(np.array([direction])) for direction in ([1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]))
         return up, down, slip
 
     def rubbed(self, slips: Array, size: float = np.inf) -> Array:
@@ -445,7 +445,7 @@ class VectorLaw(PickleMixin, ABC):
         """
         alphas = np.stack([np.broadcast_to(alpha, (len(r),)) for alpha in self.weak_convexity], axis=1)
         more = np.where(a > alphas, 0.0, 2.0 * alphas - a)
-        for _ in range(_STEPS):
+        for _ in range(400):
             last, r = r, self.local_argmin(a + more, b + spread(more, r.shape[1]) * r)
             if (np.abs(r - last) <= _SAME * np.abs(r)).all() or not more.any():
                 break
@@ -555,7 +555,7 @@ class VectorLaw(PickleMixin, ABC):
     def is_curve(self, a: Array, components: int) -> bool:
         """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is :attr:`curve_above`."""
         least = self.curve_above[: min(components, 2)]
-        return all(bool((a[:, k] > one).all()) for k, one in enumerate(least))
+        return all(bool((a[:, k] > bound).all()) for k, bound in enumerate(least))
 
     def chart(self, a: Array, components: int) -> Chart | None:
         """:meth:`on_graph` with one stiffness, for many questions; None where it tells nothing.

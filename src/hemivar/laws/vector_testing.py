@@ -1,4 +1,4 @@
-"""The conformance kit for laws of the whole local displacement: is one, a user's own too, consistent with itself?
+"""Conformance kit for laws of the displacement vector: is one, a user's own too, consistent with itself?
 
 from hemivar.laws.vector_testing import check_vector_law
 check_vector_law(MixedMode(...).at(None), reach=0.05)
@@ -21,8 +21,6 @@ __all__ = ["LawError", "LawReport", "Questions", "check_graph", "check_vector_la
 
 #: Places and local problems that are tried; lines and columns of the grid on which minimisers are looked for.
 _PLACES, _PROBLEMS, _GRID = 400, 60, 161
-#: Directions of slip in which a law is looked at far away; places around a minimiser.
-_TURNS, _AROUND = 361, 400
 
 
 class LawError(ConformanceError):
@@ -145,13 +143,13 @@ class _Chart:
         step = 1e-6 * self.size
         shifts = step * np.eye(self.p.shape[1])
         ways = [(self.law.on_graph(self.p + s, self.a).r, self.law.on_graph(self.p - s, self.a).r) for s in shifts]
-        found = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
+        rates = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
         stated = self.law.on_graph(self.p, self.a).jacobian
-        off = np.abs(found - stated).max(axis=(1, 2)) * self.a.min(axis=1)
-        largest = 1.0 + np.abs(found).max(axis=(1, 2)) * self.a.min(axis=1)
+        off = np.abs(rates - stated).max(axis=(1, 2)) * self.a.min(axis=1)
+        largest = 1.0 + np.abs(rates).max(axis=(1, 2)) * self.a.min(axis=1)
         wrong = (off > 1e-4 * largest) & (largest < 1e3)  # at a kink, or a jump, there is no derivative
         i = int(np.argmax(np.where(wrong, off, 0.0)))
-        return None if wrong.mean() <= 0.03 else f"at p = {self.p[i]}, a = {self.a[i]}: {stated[i]}, not {found[i]}"
+        return None if wrong.mean() <= 0.03 else f"at p = {self.p[i]}, a = {self.a[i]}: {stated[i]}, not {rates[i]}"
 
 
 class Questions:
@@ -225,8 +223,8 @@ class Questions:
     def hessian(self) -> str | None:
         step = 1e-6 * self.reach
         line = self.law.linearise(self.r)
-        found = self._differences(lambda r: self.law.linearise(r).gradient, step)
-        off = np.abs(found - line.hessian).max(axis=(1, 2))
+        differences = self._differences(lambda r: self.law.linearise(r).gradient, step)
+        off = np.abs(differences - line.hessian).max(axis=(1, 2))
         return self._worst(np.where(self._inside(step), off, 0.0), 1e-4 * float(np.abs(line.hessian).max()) + 1e-300)
 
     def _worst(self, off: Array, allowed: float) -> str | None:
@@ -259,17 +257,17 @@ class Questions:
         """Whether places (_PROBLEMS, c) are minimisers: none beside them or on a grid is lower, and on the graph."""
         if np.shape(r) != self.b.shape:
             return f"it has shape {np.shape(r)} for {self.b.shape}"
-        found = self._energy(r)
-        if not np.isfinite(found).all():
+        energy = self._energy(r)
+        if not np.isfinite(energy).all():
             return "it is not finite"
-        for _ in range(_AROUND if self.line is None else 0):
+        for _ in range(_PLACES if self.line is None else 0):
             beside = r + self.random.normal(size=r.shape) * 10.0 ** self.random.uniform(-6.0, 0.0) * self.reach
             beside[:, 0] = np.clip(beside[:, 0], self.law.penetrations.lower, self.law.penetrations.upper)
-            lower = found - self._energy(beside)
+            lower = energy - self._energy(beside)
             if (lower > 1e-9 * self.slope * self.reach).any():
                 return self._lower(int(np.argmax(lower)), r, beside)
         places, least = self._best
-        wrong = ~(found <= least + 1e-9 * (np.abs(least) + self.slope * self.reach))
+        wrong = ~(energy <= least + 1e-9 * (np.abs(least) + self.slope * self.reach))
         return self._lower(int(np.argmax(wrong)), r, places) if wrong.any() else self._off_graph(r)
 
     def _lower(self, i: int, r: Array, other: Array) -> str:
@@ -327,10 +325,10 @@ class Questions:
         tau, step = 1.0 / self.a, 1e-7 * self.reach
         x = self.random.uniform(-self.reach, self.reach, (_PROBLEMS, self.c))
         shifts = step * np.eye(self.c)
-        ways = [(self.law.prox(x + one, tau), self.law.prox(x - one, tau)) for one in shifts]
-        found = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
-        off = np.abs(found - self.law.prox_jacobian(x, tau)).max(axis=(1, 2))
-        most = np.abs(found).max(axis=(1, 2))
+        ways = [(self.law.prox(x + shift, tau), self.law.prox(x - shift, tau)) for shift in shifts]
+        differences = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
+        off = np.abs(differences - self.law.prox_jacobian(x, tau)).max(axis=(1, 2))
+        most = np.abs(differences).max(axis=(1, 2))
         wrong = (off > 1e-3 * (1.0 + most)) & (most < 50.0)  # beyond, prox jumps, or is about to
         return None if wrong.mean() <= 0.05 else f"it differs by {off[wrong].max():.3g}"
 
@@ -342,16 +340,16 @@ class Questions:
     def recession(self) -> str | None:
         far, exact = np.array([1e4, 1e6]) * self.reach, 1e-3 if self.line is None else 1e-2
         up, down, slip = (float(np.max(rate)) for rate in self.law.rates)
-        for rate, way in ((up, 1.0), (down, -1.0), (slip, 0.0)):
-            if not way and self.c == 1:
+        for rate, direction in ((up, 1.0), (down, -1.0), (slip, 0.0)):
+            if not direction and self.c == 1:
                 continue
-            turn = np.linspace(0.0, np.pi, _TURNS) if self.c == 3 and not way else np.zeros(1)
+            turn = np.linspace(0.0, np.pi, 361) if self.c == 3 and not direction else np.zeros(1)
             ways = np.zeros((turn.size, self.c))
-            ways[:, 0 if way else 1] = way or np.cos(turn)
+            ways[:, 0 if direction else 1] = direction or np.cos(turn)
             if turn.size > 1:
                 ways[:, 2] = np.sin(turn)
-            one = self.law.take(np.zeros(turn.size, dtype=np.int64))
-            near, grown = (one.value(size * ways) / size for size in far)
+            single = self.law.take(np.zeros(turn.size, dtype=np.int64))
+            near, grown = (single.value(size * ways) / size for size in far)
             most = int(np.argmax(grown))
             if np.isfinite(rate):
                 wrong = not abs(grown[most] - rate) <= exact * self.slope + 1e-3 * abs(rate)

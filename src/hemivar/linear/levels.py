@@ -147,12 +147,12 @@ class Levels:
             borrowed = self._idle.pop()  # which no two threads do at once
         except IndexError:
             return Truncated(self, top)
-        borrowed.top = top
-        borrowed.begin()
+        borrowed.lend(self, top)
         return borrowed
 
     def give_back(self, borrowed: Truncated) -> None:
         """Take back what nobody changes any more."""
+        borrowed.let_go()
         self._idle.append(borrowed)
 
     @property
@@ -294,6 +294,15 @@ class Truncated:
         # Without patterns that are known the compiled levels could not follow.
         follows = levels.compiled is not None and (not levels.algebraic or levels.fixed_change is not None)
         self._compiled = CompiledTruncation(levels.compiled) if levels.compiled is not None and follows else None
+
+    def lend(self, levels: Levels, top: int) -> None:
+        """To another solve on these levels, from whose matrices the copies were made."""
+        self._levels, self.top = levels, top
+        self.begin()
+
+    def let_go(self) -> None:
+        """Know no levels: in a circle of references their memory would wait for Python's collector."""
+        del self._levels
 
     def begin(self) -> None:
         """Forget, for another solve, how far algebraic levels have followed: its bits depend on nothing before it."""

@@ -99,7 +99,7 @@ class PetscEngine(Engine):
 
     # ---- the problem -----------------------------------------------------------------------------------------
 
-    def read(self, path: Path, changes: Sequence[Change]) -> ProblemFile:
+    def read(self, path: Path, changes: Sequence[Change], code: Sequence[str] = ()) -> ProblemFile:
         """Only the first rank reads the file and the mesh that it starts from; the statement is that on each piece."""
         text = self.ranks.mpi.bcast(self.agree(lambda: read_text(path) if self.first else ""))
 
@@ -112,7 +112,7 @@ class PetscEngine(Engine):
 
         # what the file says before the mesh is refused by all ranks alike, what it says after that perhaps by one only
         try:
-            stated = parse_problem_file(text, path.parent, str(path), place, changes)
+            stated = parse_problem_file(text, path.parent, str(path), place, changes, code)
             error = None
         except ProblemError as refused:
             error = refused

@@ -16,7 +16,7 @@ from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution import Scheme
 from hemivar.evolution.data_in_time import StatedData
-from hemivar.evolution.descent import DescentSolver, downhill, slowed
+from hemivar.evolution.descent import DescentSolver, gradient_flow, slowed
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.margin import Margins
@@ -102,7 +102,8 @@ class StageSolverOnRanks(StageSolver):
         by = DescentSolverOnRanks(self.solver, self.workspace, self.controls, self.alarm)
         if not 0.0 <= convexity_defect < math.inf:
             return StageSolution(by.solved(problem, start, controls))
-        return StageSolution(downhill(problem, slowed(self.bodies, problem, convexity_defect), start, by, controls))
+        slow = slowed(self.bodies, problem, convexity_defect)
+        return StageSolution(gradient_flow(problem, slow, start, by, controls))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,7 @@ class MarginsOnRanks(Margins):
     """Margins that all ranks find together."""
 
     def _of(self, stage: Stage, solution: Solution) -> float:
-        convexity_defect, stages = self.advance.stages.convexity_defect(stage), self.advance.stages
+        convexity_defect, stages = self.stepper.stages.convexity_defect(stage), self.stepper.stages
         assert isinstance(stages, StageSolverOnRanks)
         return math.nan if stages.depends(stage.problem) else -convexity_defect
 
@@ -141,4 +142,4 @@ class MarginsOnRanks(Margins):
         problem = taken.stages[0].problem
         alphas = problem.law.frozen_at(-problem.offset).weak_convexity if problem.contact_points else ()
         softens = any(np.any(alpha) for alpha in alphas)
-        return math.nan if self.advance.discrete.vectors.largest(float(softens))[0] else math.inf
+        return math.nan if self.stepper.discrete.vectors.largest(float(softens))[0] else math.inf

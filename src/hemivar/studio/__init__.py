@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from types import ModuleType
 
 from hemivar.studio.notebook_widget import show
@@ -16,9 +17,9 @@ __all__ = ["show"]
 class _Room(ModuleType):
     """This package can be called: ``hemivar.studio(problem)`` is :func:`hemivar.studio.show`."""
 
-    def __call__(self, problem: object = None) -> object:
+    def __call__(self, problem: object = None, *, code: Sequence[str] = ()) -> object:
         """See :func:`hemivar.studio.show`."""
-        return show(problem)
+        return show(problem, code=code)
 
 
 sys.modules[__name__].__class__ = _Room

@@ -103,10 +103,14 @@ class Bench:
         Shared by pages of one process.
     given : str, optional
         The text with which the page begins; the files that it names may lie elsewhere.
+    code : sequence of str
+        Modules and files whose laws a text may name, as for :func:`hemivar.read_problem`.
     """
 
-    def __init__(self, folder: Path, workspace: Workspace | None = None, given: str = "") -> None:
-        self.folder = folder
+    def __init__(
+        self, folder: Path, workspace: Workspace | None = None, given: str = "", code: Sequence[str] = ()
+    ) -> None:
+        self.folder, self.code = folder, code
         self._given = frozenset(_files_in(_tables(given)))
         self.workspace = Workspace.given(workspace)
         self._kept: _Kept | None = None
@@ -144,7 +148,7 @@ class Bench:
         self._refuse_elsewhere(_tables(request.text))
         with noting_files_read() as read:
             try:
-                file = parse_problem_file(request.text, self.folder, "problem", place=_small_enough)
+                file = parse_problem_file(request.text, self.folder, "problem", _small_enough, code=self.code)
             finally:  # nor is anything told of them
                 self._refuse_included(read)
         mesh, order = file.problem.mesh, getattr(file.problem, "order", 1)
@@ -181,7 +185,7 @@ class Bench:
 
     def _told(self, request: Request, stated: _Stated) -> Message:
         data = tomllib.loads(stated.text)
-        found = sliders_of(data, in_utf16(stated.text, numbers_of(stated.text)), stated.file.units)
+        found = sliders_of(data, in_utf16(stated.text, numbers_of(stated.text)), stated.file.units, self.code)
         return Message(
             {
                 "type": "problem",

@@ -31,13 +31,15 @@ _MODULES = (
 )  # fmt: skip
 
 
-def show(problem: object = None) -> anywidget.AnyWidget:
+def show(problem: object = None, *, code: Sequence[str] = ()) -> anywidget.AnyWidget:
     """The studio of a problem, as a widget of a notebook.
 
     Parameters
     ----------
     problem : ContactProblem, ScalarProblem, ProblemFile, str or Path, optional
         A problem that a problem file can state, or the path of one; an example by default.
+    code : sequence of str
+        Modules and files whose laws the file may name, as for :func:`hemivar.read_problem`.
 
     Returns
     -------
@@ -54,11 +56,11 @@ def show(problem: object = None) -> anywidget.AnyWidget:
         needed = " and ".join(absent)
         raise ProblemError(f"the studio of a notebook needs {needed}; run pip install {' '.join(absent)}")
     if problem is None:
-        return widget_of(template("survey"), Path(), "survey.toml")
+        return widget_of(template("survey"), Path(), "survey.toml", code)
     if isinstance(problem, str | Path):
         path = disk.path_of(problem)
-        return widget_of(read_text(path), path.parent, path.name)
-    return widget_of(_stated(problem), Path(), "problem.toml")
+        return widget_of(read_text(path), path.parent, path.name, code)
+    return widget_of(_stated(problem), Path(), "problem.toml", code)
 
 
 def _stated(problem: object) -> str:
@@ -74,7 +76,7 @@ def module_texts() -> dict[str, str]:
     return {name: disk.read_text(STATIC / name, "module") for name in _MODULES}
 
 
-def widget_of(text: str, folder: Path, name: str) -> anywidget.AnyWidget:
+def widget_of(text: str, folder: Path, name: str, code: Sequence[str] = ()) -> anywidget.AnyWidget:
     """The widget of a problem file."""
     import anywidget
     import traitlets
@@ -98,7 +100,7 @@ def widget_of(text: str, folder: Path, name: str) -> anywidget.AnyWidget:
         head, parts = message.buffers()
         widget.send(head, parts)
 
-    desk = Desk(Bench(folder, given=text), send)
+    desk = Desk(Bench(folder, given=text, code=code), send)
 
     def received(_: object, content: object, buffers: Sequence[object]) -> None:
         if isinstance(content, dict) and content.get("type") == "hello":

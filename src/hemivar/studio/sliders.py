@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from hemivar.basics.stated import Argument
 from hemivar.basics.units import Units
 from hemivar.laws.parameters import LENGTH, LINE, PRESSURE, RATE
-from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawKind, entry_named
 from hemivar.studio.toml_numbers import TextNumber
 
 __all__ = ["Slider", "key_of_message", "sliders_of"]
@@ -59,7 +59,9 @@ class Slider:
         return asdict(self)
 
 
-def sliders_of(data: Mapping[str, object], numbers: list[TextNumber], units: Units) -> list[Slider]:
+def sliders_of(
+    data: Mapping[str, object], numbers: list[TextNumber], units: Units, code: Sequence[str] = ()
+) -> list[Slider]:
     """The sliders of a file: of its law, loads, material, supports, mesh and time."""
     found = []
     for number in numbers:
@@ -70,11 +72,11 @@ def sliders_of(data: Mapping[str, object], numbers: list[TextNumber], units: Uni
             or any(isinstance(k, int) and k >= _LISTS_SHOWN for k in number.path)
         ):
             continue
-        parameter = _parameter(data, number)
+        parameter = _parameter(data, number, code)
         low, high, whole = _range(data, number, parameter)
         step = 1.0 if whole else _nice((high - low) / 200.0)
         table, label = _names(number)
-        meaning = "" if parameter is None else f"{parameter.said.says} ({parameter.said.unit})"
+        meaning = "" if parameter is None else f"{parameter.said.says} ({parameter.said.unit})".removesuffix(" ()")
         place, unit = (number.start, number.end), _unit(number, parameter, units)
         found.append(Slider(number.key, table, label, *place, number.value, low, high, step, whole, meaning, unit))
     return found
@@ -106,7 +108,7 @@ def _unit(number: TextNumber, parameter: Argument | None, units: Units) -> str:
     return "/".join(parts) if all(parts) else ""
 
 
-def _parameter(data: Mapping[str, object], number: TextNumber) -> Argument | None:
+def _parameter(data: Mapping[str, object], number: TextNumber, code: Sequence[str]) -> Argument | None:
     """The parameter of a law that a number is."""
     path = number.path
     if path[0] != "contact" or len(path) < 4 or path[2] not in ("normal", "friction"):
@@ -116,6 +118,8 @@ def _parameter(data: Mapping[str, object], number: TextNumber) -> Argument | Non
         law = law.get(str(step)) if isinstance(law, Mapping) else None
     name = law.get("law") if isinstance(law, Mapping) else None
     entry = ({**NORMAL_LAWS, **COUPLED_LAWS} if path[2] == "normal" else FRICTION_LAWS).get(str(name))
+    if entry is None and isinstance(name, str):  # of the user, and allowed: the file was read
+        entry = entry_named(name, LawKind(path[2]), (object,), code)
     return None if entry is None else next((p for p in entry.parameters if p.key == path[3]), None)
 
 

@@ -69,6 +69,8 @@ class StudioPage:
         Part of the address; who does not know it sees nothing.
     port : int
         Of the server.
+    code : tuple of str
+        Modules and files whose laws a text may name, as for :func:`hemivar.read_problem`.
 
     Raises
     ------
@@ -81,6 +83,7 @@ class StudioPage:
     name: str = "problem.toml"
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     port: int = 0
+    code: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         plain = all(c.isascii() and (c.isalnum() or c in "-_") for c in self.token)
@@ -165,7 +168,7 @@ async def _attend(socket: WebSocket, page: StudioPage, workspace: Workspace, ope
             if int(str(message.head["generation"])) >= newest:
                 await socket.send_bytes(message.packed())
 
-    desk = Desk(Bench(page.folder, workspace, page.text), send)
+    desk = Desk(Bench(page.folder, workspace, page.text, page.code), send)
     open_pages.add(desk)
     sender = asyncio.create_task(hand_on())
     try:

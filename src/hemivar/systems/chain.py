@@ -20,7 +20,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError
-from hemivar.laws import ContactLaw, separable
+from hemivar.laws import ContactLaw, Superpotential, separable
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.curves import ROUNDING, Curves, negative_eigenvalues
 from hemivar.systems.segments import Segments, graph_segments, joined_rows
@@ -82,7 +82,10 @@ class Chain(Segments, Curves):
         return max(self.system.length_scale, float(np.abs(finite).max(initial=0.0)) * 1e-3)
 
     def evaluate(self, theta: Array, segment: IntArray) -> tuple[Array, Array, Array, Array]:
-        """r, lambda, dr/dtheta and dlambda/dtheta of the given segments, continued beyond their ends."""
+        """r, lambda, dr/dtheta and dlambda/dtheta of the given segments, continued beyond their ends.
+
+        Here, in :meth:`balance` and in :meth:`out_of_balance` places are ``(n,)``, or several at once, ``(k, n)``.
+        """
         kink = self.pick(self.kink, segment)
         step = theta - self.pick(self.origin, segment)
         value = self.pick(self.value, segment)
@@ -108,29 +111,43 @@ class Chain(Segments, Curves):
         return np.where(self.affine & ~self.kink, base, 0.0), np.where(self.affine & ~self.kink, slope, 0.0)
 
     def _law(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
-        m, d = self.system.shape
-        pieces = np.zeros((m, d), dtype=np.int64)
-        values = np.zeros((m, d))
-        pieces[self.point, self.column] = piece
-        values[self.point, self.column] = r
-        slope, curvature = np.zeros((m, d)), np.zeros((m, d))
-        for c, law in enumerate(self.graph_law(self.system).scalar_laws(d)):
+        (m, d), count = self.system.shape, r.size // max(self.size, 1)
+        pieces, values = np.zeros((count, m, d), dtype=np.int64), np.zeros((count, m, d))
+        pieces[:, self.point, self.column] = piece
+        values[:, self.point, self.column] = r
+        slope, curvature = np.zeros((count, m, d)), np.zeros((count, m, d))
+        for c, law in enumerate(self._scalar_laws(count)):
             with np.errstate(all="ignore"):
-                slope[:, c] = law.piece_derivative(pieces[:, c], values[:, c])
-                curvature[:, c] = law.piece_curvature(pieces[:, c], values[:, c])
-        return slope[self.point, self.column], curvature[self.point, self.column]
+                line = law.piece_line(pieces[..., c].ravel(), values[..., c].ravel())
+            slope[..., c], curvature[..., c] = (value.reshape(count, m) for value in line)
+        point, column = self.point, self.column
+        return slope[:, point, column].reshape(r.shape), curvature[:, point, column].reshape(r.shape)
+
+    @cached_property
+    def _copied_laws(self) -> dict[int, tuple[Superpotential, ...]]:
+        return {1: self.graph_law(self.system).scalar_laws(self.system.shape[1])}
+
+    def _scalar_laws(self, count: int) -> tuple[Superpotential, ...]:
+        """The scalar laws of so many copies of the contact points, one after the other."""
+        if count not in self._copied_laws:
+            self._copied_laws[count] = tuple(law.take(self.copied(count)) for law in self._scalar_laws(1))
+        return self._copied_laws[count]
+
+    def copied(self, count: int) -> IntArray:
+        """The numbers of all contact points, so many times."""
+        return np.tile(np.arange(self.system.shape[0]), count)
 
     def balance(self, theta: Array, segment: IntArray, force: Array) -> tuple[Array, Array]:
         """F and dF/dtheta on the given segments."""
         r, lam, dr, dlam = self.evaluate(theta, segment)
-        jacobian = self.matrix * dr
-        jacobian[np.diag_indices(self.size)] += self.weights * dlam
-        return self.matrix @ r + self.weights * lam - force, jacobian
+        jacobian = self.matrix * dr[..., None, :]
+        jacobian[..., self._rows, self._rows] += self.weights * dlam
+        return r @ self.matrix.T + self.weights * lam - force, jacobian
 
     def out_of_balance(self, theta: Array, segment: IntArray, force: Array) -> Array:
         """F on the given segments."""
         r, lam, _, _ = self.evaluate(theta, segment)
-        return np.asarray(self.matrix @ r + self.weights * lam - force)
+        return np.asarray(r @ self.matrix.T + self.weights * self.factors(r, lam) * lam - force)
 
     def local(self, theta: Array, segment: IntArray) -> tuple[Array, Array]:
         """Local displacement and multiplier (m, d) of all components; held ones as in the condensed problem."""

@@ -55,8 +55,8 @@ class Segments:
         return np.asarray(table[self._rows, segment])
 
     def segment_of(self, theta: Array) -> IntArray:
-        """The segment that holds each theta."""
-        return np.asarray(np.minimum(np.sum(theta[:, None] > self.end, axis=1), self.count - 1), dtype=np.int64)
+        """The segment that holds each theta, ``(n,)`` or ``(k, n)``."""
+        return np.asarray(np.minimum(np.sum(theta[..., None] > self.end, axis=-1), self.count - 1), dtype=np.int64)
 
     def inside(self, theta: Array, segment: IntArray, tolerance: float) -> BoolArray:
         """Whether each theta lies on its segment."""

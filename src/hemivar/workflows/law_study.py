@@ -12,7 +12,7 @@ from hemivar.basics.stated import Form, Stated
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Friction, MixedMode, ModeDependentGlue, OwnCoupledLaw, Superpotential
-from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, entry_named
 from hemivar.workflows.events import Notice, Work
 
 __all__ = ["LawStudy", "Value", "study_law", "values_shown"]
@@ -54,6 +54,7 @@ def study_law(
     friction: bool = False,
     first: bool = False,
     label: str = "parameter ",
+    code: Sequence[str] = (),
 ) -> Work[tuple[LawStudy, ...]]:
     """The laws of a name, the normal law before the friction law; each is yielded as an event too.
 
@@ -69,6 +70,8 @@ def study_law(
         The first law of this name only, as parameters are of one law.
     label : str
         What stands before the name of a parameter in messages.
+    code : sequence of str
+        Modules and files of which a scalar law may be named, as for :func:`hemivar.read_problem`.
 
     Yields
     ------
@@ -82,6 +85,10 @@ def study_law(
     """
     parameters = {} if parameters is None else parameters
     found = [laws[name] for laws in (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS) if name in laws]
+    if not found:
+        of = LawKind.FRICTION if friction else LawKind.NORMAL
+        own = entry_named(name, of, (Superpotential,), code)
+        found = [] if own is None else [own]
     if not found:
         known = list(dict.fromkeys([*NORMAL_LAWS, *COUPLED_LAWS, *FRICTION_LAWS]))
         raise ProblemError(f"law {quoted(name)} is not known{suggest(name, known)}")

@@ -84,6 +84,8 @@ class StudyOptions:
         Whether the study ends where that file cannot be written; else ``Study.unkept`` says why.
     exact : bool
         Whether the error on each mesh is bounded as well, see :func:`hemivar.bounds.exact_distance`.
+    code : sequence of str
+        Modules and files whose laws the problem file may name, as for :func:`hemivar.read_problem`.
 
     Raises
     ------
@@ -100,6 +102,7 @@ class StudyOptions:
     checkpoint: str | Path | None = None
     must_keep: bool = True
     exact: bool = False
+    code: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         count = whole_number(self.refine, "refine", 1)
@@ -291,7 +294,11 @@ def studying(
         record is that of another study.
     """
     options = StudyOptions() if options is None else options
-    stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else ManufacturedProblem.of(problem)
+    stated = (
+        read_problem_file(problem, code=options.code).problem
+        if isinstance(problem, str | Path)
+        else ManufacturedProblem.of(problem)
+    )
     if not isinstance(stated, ContactProblem):
         raise ProblemError(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
@@ -349,6 +356,7 @@ def study(
     jobs: int = 1,
     checkpoint: str | Path | None = None,
     exact: bool = False,
+    code: Sequence[str] = (),
 ) -> Study:
     """Solve a problem on finer and finer meshes, and measure errors and orders of convergence.
 
@@ -378,6 +386,8 @@ def study(
         A file that keeps the solutions; a second study continues from it.
     exact : bool
         Whether the error on each mesh is bounded as well.
+    code : sequence of str
+        Modules and files whose laws a problem file may name, as for :func:`hemivar.read_problem`.
 
     Returns
     -------
@@ -389,9 +399,8 @@ def study(
     ProblemError, MethodError, FileError
         An option makes no sense, a solve is refused, or the file is that of another study.
     """
-    given = StudyOptions(
-        refine, known, method, Controls() if controls is None else controls, jobs, checkpoint, exact=exact
-    )
+    controls = Controls() if controls is None else controls
+    given = StudyOptions(refine, known, method, controls, jobs, checkpoint, exact=exact, code=code)
     return result_of(studying(problem, given))
 
 

@@ -137,6 +137,8 @@ class SweepOptions:
         Whether the sweep ends where that file cannot be written; else ``Sweep.unkept`` says why.
     changes : sequence of Change
         Values that replace those of the problem file at every point.
+    code : sequence of str
+        Modules and files whose laws the problem file may name, as for :func:`hemivar.read_problem`.
 
     Raises
     ------
@@ -149,6 +151,7 @@ class SweepOptions:
     checkpoint: str | Path | None = None
     changes: tuple[Change, ...] = ()
     must_keep: bool = True
+    code: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         whole_number(self.jobs, "jobs", 1)
@@ -247,6 +250,7 @@ class _Task:
     source: Callable[..., ProblemLike] | tuple[str, str, str]
     search: SolutionsOptions
     changes: tuple[Change, ...]
+    code: tuple[str, ...]
 
 
 @known_keywords
@@ -262,6 +266,7 @@ def sweep(
     seed: int = 0,
     controls: Controls | None = None,
     changes: Sequence[Change] = (),
+    code: Sequence[str] = (),
 ) -> Sweep:
     """Solve a problem for every combination of some values of its parameters: a map of solutions and margins.
 
@@ -287,6 +292,8 @@ def sweep(
         How far to look for solutions at each point, see :func:`hemivar.find_solutions`.
     changes : sequence of Change
         Values that replace those of the file at every point.
+    code : sequence of str
+        Modules and files whose laws the file may name, as for :func:`hemivar.read_problem`.
 
     Returns
     -------
@@ -299,7 +306,7 @@ def sweep(
         There are no parameters or too many points, or every point fails.
     """
     search = SolutionsOptions(starts, max_solutions, seed, Controls() if controls is None else controls)
-    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes))))
+    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes), code=tuple(code))))
 
 
 @expecting(options=SweepOptions)
@@ -356,7 +363,7 @@ def sweeping(
         among = set(places)
         done = {point.place: point for point in record if point.place in among}
     tasks = [
-        _Task(place, _values(given, place), keys, source, options.search, options.changes)
+        _Task(place, _values(given, place), keys, source, options.search, options.changes, options.code)
         for place in places
         if place not in done
     ]
@@ -389,7 +396,8 @@ def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptio
         parts.append(text)
         with noting_files_read() as files, contextlib.suppress(HemivarError):
             first = [Change(axis.key, axis.values[0]) for axis in axes]
-            parse_problem_file(text, Path(problem).parent, str(problem), changes=[*options.changes, *first])
+            changes = [*options.changes, *first]
+            parse_problem_file(text, Path(problem).parent, str(problem), changes=changes, code=options.code)
         parts += [read_bytes(file) for file in files]
     else:
         parts.append(problem)
@@ -450,7 +458,8 @@ def _found(task: _Task) -> SweepPoint:
     if isinstance(task.source, tuple):
         text, folder, name = task.source
         own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
-        stated: ProblemLike = parse_problem_file(text, folder, name, changes=[*task.changes, *own]).problem
+        changes = [*task.changes, *own]
+        stated: ProblemLike = parse_problem_file(text, folder, name, changes=changes, code=task.code).problem
     else:
         takes = "let it take a value of each parameter and return a problem"
         stated = cast(ProblemLike, answer(task.source, task.values, "sweep", takes))

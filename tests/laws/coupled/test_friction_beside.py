@@ -12,7 +12,7 @@ from hemivar.laws.vector_testing import check_graph, check_vector_law
 from tests.samples import slow
 
 
-def glue(energy: float = 0.6) -> VectorLaw:
+def compressible_glue(energy: float = 0.6) -> VectorLaw:
     return MixedMode(BilinearCohesion(stiffness=24.0, strength=2.4, energy=energy), 1.5, Compliance(100.0)).at(None)
 
 
@@ -26,15 +26,15 @@ def rubbed(base: VectorLaw, bound: float, start: float, c: int) -> FrictionBesid
 )
 def test_it_passes_the_kit(bound: float, start: float, c: int) -> None:
     """Glue that hardly softens by the whole kit, glue that softens in Minty's chart."""
-    check_vector_law(rubbed(glue(100.0), bound, start, c), reach=0.6, components=c)
-    check_graph(rubbed(glue(), bound, start, c), reach=0.6, components=c)
+    check_vector_law(rubbed(compressible_glue(100.0), bound, start, c), reach=0.6, components=c)
+    check_graph(rubbed(compressible_glue(), bound, start, c), reach=0.6, components=c)
 
 
 @pytest.mark.parametrize("count", [4, slow(40)])
 def test_local_problems_in_space_by_scipy(count: int) -> None:
     """Slip, pull and the slip before in three directions."""
     random = np.random.default_rng(2)
-    law = FrictionBeside(glue(), random.uniform(0.2, 1.5, count), random.uniform(-0.3, 0.3, (count, 2)))
+    law = FrictionBeside(compressible_glue(), random.uniform(0.2, 1.5, count), random.uniform(-0.3, 0.3, (count, 2)))
     a, b = np.full((count, 2), 30.0), random.uniform(-6.0, 6.0, (count, 3))
     found = law.local_argmin(a, b)
     for i in range(count):
@@ -52,11 +52,13 @@ def test_local_problems_in_space_by_scipy(count: int) -> None:
 
 
 def test_points_together_are_points_alone() -> None:
-    law = FrictionBeside(glue(), np.array([0.0, 0.7, 50.0]), np.array([[0.1], [0.2], [-0.1]]))
+    law = FrictionBeside(compressible_glue(), np.array([0.0, 0.7, 50.0]), np.array([[0.1], [0.2], [-0.1]]))
     a, b = np.full((3, 2), 30.0), np.array([[1.0, 9.0], [-2.0, 8.0], [1.0, 2.0]])
     together = law.local_argmin(a, b)
     for i in range(3):
         alone = law.take(np.array([i])).local_argmin(a[i : i + 1], b[i : i + 1])
         np.testing.assert_allclose(alone[0], together[i], atol=1e-14)
     assert together[2, 1] == -0.1  # it sticks
-    assert np.array_equal(law.take(np.array([0])).local_argmin(a[:1], b[:1]), glue().local_argmin(a[:1], b[:1]))
+    assert np.array_equal(
+        law.take(np.array([0])).local_argmin(a[:1], b[:1]), compressible_glue().local_argmin(a[:1], b[:1])
+    )

@@ -18,7 +18,7 @@ from hemivar.laws import (
 from hemivar.laws.coupled.opening import OpeningProblem
 
 
-def random_law(random: np.random.Generator, compliant: bool = False) -> MixedMode:
+def random_mixed_mode(random: np.random.Generator, compliant: bool = False) -> MixedMode:
     strength, first = 10.0 ** random.uniform(-1.0, 2.0), 10.0 ** random.uniform(-4.0, -1.0)
     stored = 0.5 * strength * first
     stated = (strength, stored * (1.0 + 10.0 ** random.uniform(-1.0, 1.5)), strength / first)
@@ -37,7 +37,7 @@ def test_local_problems_against_a_grid(laws: int) -> None:
     """Ten local problems of each law: also where springs are softer than the glue falls, so that there are several."""
     random = np.random.default_rng(11)
     for _ in range(laws):
-        law = random_law(random)
+        law = random_mixed_mode(random)
         alpha, last = float(law.weak_convexity[0][0]), law.opening_at_break.item()
         beta = float(law.beta[0])
         scale = np.array([1.0, 1.0 / beta])

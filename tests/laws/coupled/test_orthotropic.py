@@ -104,7 +104,7 @@ def test_a_ratio_of_one_is_friction_without_direction() -> None:
 # ---- a sheared block --------------------------------------------------------------------------------------------
 
 
-def block(shift: Array, friction: Friction) -> hv.ContactProblem:
+def sheared_cube(shift: Array, friction: Friction) -> hv.ContactProblem:
     """A cube of Poisson's ratio 0 whose top is pushed down and aside, and whose sides let it shear uniformly."""
 
     def down(x: Array) -> Array:
@@ -132,12 +132,12 @@ def sliding(angle: float, ratio: float, length: float = 0.002) -> tuple[Array, A
 def test_a_block_slides_as_the_ellipse_says(bound: object, angle: float) -> None:
     slip, shift = sliding(angle, 0.4)
     friction = OrthotropicFriction(bound, ratio=0.4, axis=2.0 * AXIS)  # type: ignore[arg-type]
-    solution = hv.solve(block(shift, friction))
+    solution = hv.solve(sheared_cube(shift, friction))
     assert solution.status.name == "CONVERGED"
     bottom = solution.displacement[hv.box((1.0, 1.0, 1.0), (2, 2, 2)).points[:, 2] == 0.0]
     assert bottom[:, :2] == pytest.approx(np.tile(slip, (len(bottom), 1)), rel=1e-6, abs=1e-9)
     assert set(solution.states.names[1]) == {"slip"}
-    held = hv.solve(block(0.99 * (shift - slip), friction))
+    held = hv.solve(sheared_cube(0.99 * (shift - slip), friction))
     assert set(held.states.names[1]) == {"stick"}
     moved = held.displacement[hv.box((1.0, 1.0, 1.0), (2, 2, 2)).points[:, 2] == 0.0]
     assert np.abs(moved[:, :2]).max() <= 1e-9
@@ -166,13 +166,13 @@ def test_methods_agree_and_the_minimum_is_the_only_one() -> None:
 
 def test_coulombs_law_in_an_ellipse_is_certified_as_far_as_coulombs_law_is() -> None:
     _, shift = sliding(0.5, 0.4)
-    found = hv.certify(hv.solve(block(shift, OrthotropicFriction(CoulombBound(0.3), ratio=0.4, axis=AXIS))))  # type: ignore[arg-type]
-    plain = hv.certify(hv.solve(block(shift, Coulomb(0.3))))
+    found = hv.certify(hv.solve(sheared_cube(shift, OrthotropicFriction(CoulombBound(0.3), ratio=0.4, axis=AXIS))))  # type: ignore[arg-type]
+    plain = hv.certify(hv.solve(sheared_cube(shift, Coulomb(0.3))))
     assert found.unique is not True
     assert found.kind is plain.kind
     bound = PenetrationBound((np.array([0.0, 1.0]), np.array([0.0, 20.0])))
-    wide = block(shift, OrthotropicFriction(bound, ratio=3.0))
-    narrow = block(shift, Friction(bound))
+    wide = sheared_cube(shift, OrthotropicFriction(bound, ratio=3.0))
+    narrow = sheared_cube(shift, Friction(bound))
     margins = [hv.certificates.smallness(hv.discretize(one)).margin for one in (wide, narrow)]
     assert 1.0 - margins[0] == pytest.approx(3.0 * (1.0 - margins[1]), rel=1e-6)
 
@@ -254,7 +254,7 @@ def test_results_do_not_change_with_the_frame() -> None:
         (lambda: hv.ScalarContact(OrthotropicFriction(1.0)), "a scalar problem none"),
         (lambda: law().value(np.zeros((1, 2))), "needs two tangential components"),
         (
-            lambda: hv.discretize(block(np.zeros(2), OrthotropicFriction(1.0, axis=(0.0, 0.0, 1.0)))),
+            lambda: hv.discretize(sheared_cube(np.zeros(2), OrthotropicFriction(1.0, axis=(0.0, 0.0, 1.0)))),
             "contact 'bottom': the axis .* is normal to the surface",
         ),
         (

@@ -41,7 +41,7 @@ from hemivar.laws.testing import check_law
 DASHPOT = PiecewiseQuadratic([0.0], [4.0, 4.0], [0.0], name="dashpot")
 
 
-def column(*values: float) -> Array:
+def one_row(*values: float) -> Array:
     return np.array([values])
 
 
@@ -49,24 +49,24 @@ def test_a_damper_that_cannot_pull_and_what_it_takes() -> None:
     """Pressure ``max(0, 100 r + 4 r')`` in contact; what the springs do not give is lost, at most the whole."""
     law, memory, tau = ContactLaw(Compliance(100.0)), DampedContact(DASHPOT), 0.1
     for before, after in ((0.02, 0.05), (0.05, 0.02), (0.05, 0.048), (0.05, -0.01), (-0.02, 0.03)):
-        step = LocalStep(tau, 1.0 / tau, column(before))
-        state = memory.start(law, column(before))
+        step = LocalStep(tau, 1.0 / tau, one_row(before))
+        state = memory.start(law, one_row(before))
         made = law_of_step(law, memory, state, step).normal
         lam = float(made.derivative(np.array([after]))[0])
         rate = (after - before) / tau
         wanted = max(0.0, 100.0 * after + 4.0 * rate) if after > 0.0 else 0.0
         assert lam == pytest.approx(wanted, abs=1e-12)
-        later = memory.advance(law, state, step, column(after), column(lam))
+        later = memory.advance(law, state, step, one_row(after), one_row(lam))
         assert not later
-        lost = memory.dissipated(law, state, later, step, column(after), column(lam))[0]
+        lost = memory.dissipated(law, state, later, step, one_row(after), one_row(lam))[0]
         assert lost == pytest.approx((wanted - 100.0 * max(after, 0.0)) * (after - before), abs=1e-13)
         assert lost >= -1e-15
-        stored = memory.stored(law, later, column(after))[0]
+        stored = memory.stored(law, later, one_row(after))[0]
         assert stored == pytest.approx(50.0 * max(after, 0.0) ** 2)
     with pytest.raises(ProblemError, match="superpotential of the rate"):
         DampedContact(4.0)  # type: ignore[arg-type]
     with pytest.raises(ProblemError, match="nothing to damp"):
-        law_of_step(ContactLaw(Signorini()), memory, kept(), LocalStep(0.1, 10.0, column(0.0)))
+        law_of_step(ContactLaw(Signorini()), memory, kept(), LocalStep(0.1, 10.0, one_row(0.0)))
 
 
 def test_a_bounce_on_a_damper_that_cannot_pull() -> None:
@@ -76,7 +76,7 @@ def test_a_bounce_on_a_damper_that_cannot_pull() -> None:
         memory = DampedContact(DASHPOT)
         r, speed, time = 0.0, 0.5, 0.0
         for _ in range(300):
-            made = law_of_step(law, memory, kept(), LocalStep(tau, 1.0 / tau, column(r))).normal
+            made = law_of_step(law, memory, kept(), LocalStep(tau, 1.0 / tau, one_row(r))).normal
             a = 1.0 / tau**2
             new = float(made.local_argmin(np.array([a]), np.array([a * (r + tau * speed)]))[0])
             if ((new - r) / tau - speed) / tau >= -1e-9:

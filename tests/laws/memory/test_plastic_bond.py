@@ -173,7 +173,7 @@ def of_bonds(**scaled: float) -> PlasticBond:
     return replace(BOND, **{what: factor * getattr(BOND, what) for what, factor in scaled.items()})
 
 
-def pulled(way: tuple[float, float], unit: float = 1.0, **contact: Any) -> hv.ContactProblem:
+def bonded_block(way: tuple[float, float], unit: float = 1.0, **contact: Any) -> hv.ContactProblem:
     """A stiff block on bonds, its top moved along a way; lengths in units of ``unit`` mm."""
 
     def moved(x: Array, t: float) -> Array:
@@ -208,7 +208,7 @@ def state(history: hv.evolution.History) -> tuple[Array, Array]:
 @pytest.mark.parametrize("unit", [slow(1.0), 1e3])
 def test_a_stiff_block_is_one_material_point(method: hv.solvers.Solver | None, unit: float) -> None:
     """Sheared, and then opened: when it breaks, its plastic slip, and what it costs."""
-    sheared = hv.Evolution(pulled((1.0, 0.0), unit))
+    sheared = hv.Evolution(bonded_block((1.0, 0.0), unit))
     before = hv.march(sheared, 0.064, step=0.002, method=method)
     assert before.ended == "finished"
     assert state(before)[0].all()
@@ -221,7 +221,7 @@ def test_a_stiff_block_is_one_material_point(method: hv.solvers.Solver | None, u
     assert state(after)[1] == pytest.approx(PLASTIC_AT_BREAK / unit, rel=1e-5)
     assert after["memory"][-1] == pytest.approx(0.969 + 30.0 * PLASTIC_AT_BREAK, rel=1e-5)
     assert after["memory"][-1] + after["contact"][-1] == pytest.approx(BOND.shear_energy, rel=1e-5)
-    opened = hv.march(hv.Evolution(pulled((0.0, 1.0), unit)), 0.033, step=0.001, method=method)
+    opened = hv.march(hv.Evolution(bonded_block((0.0, 1.0), unit)), 0.033, step=0.001, method=method)
     assert opened["memory"][-1] == pytest.approx(0.969, rel=1e-12)
     whole = [row.time for row in opened.rows if row.values["memory"] == 0.0]
     assert whole[-1] == pytest.approx(0.031, abs=1e-12)  # sqrt(2 a0/k) = .03113
@@ -303,9 +303,9 @@ def test_bonds_stand_beside_other_boundaries_and_in_space() -> None:
         (lambda: PlasticBond.of_energies(1e3, 1e3, 0.969, 1.7, 50.0), "not reached before the break at 44.0"),
         (lambda: PlasticBond.of_energies(1e3, 1e3, 0.969, 0.9, 30.0), "must exceed the energy of opening"),
         (lambda: MemoryChain((BOND, Wear(0.1))), "put it last"),
-        (lambda: marched(friction=Tresca(1.0)), "leave the friction out"),
-        (lambda: marched(damping=PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0])), "damping of the normal rate"),
-        (lambda: hv.solve(pulled((1.0, 0.0)).at_time(0.0)), "which means something in time only"),
+        (lambda: marched_bond(friction=Tresca(1.0)), "leave the friction out"),
+        (lambda: marched_bond(damping=PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0])), "damping of the normal rate"),
+        (lambda: hv.solve(bonded_block((1.0, 0.0)).at_time(0.0)), "which means something in time only"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
@@ -313,5 +313,5 @@ def test_bad_input_is_named(make: Callable[[], object], words: str) -> None:
         make()
 
 
-def marched(**contact: Any) -> hv.evolution.History:
-    return hv.march(hv.Evolution(pulled((1.0, 0.0), **contact)), 0.01, step=0.01)
+def marched_bond(**contact: Any) -> hv.evolution.History:
+    return hv.march(hv.Evolution(bonded_block((1.0, 0.0), **contact)), 0.01, step=0.01)

@@ -26,7 +26,7 @@ from hemivar.laws import (
 )
 
 
-def column(*values: float) -> np.ndarray:
+def one_row(*values: float) -> np.ndarray:
     return np.array([values])
 
 
@@ -43,7 +43,7 @@ def test_memory_of_penetration() -> None:
     exact = 0.026573963357
     for count in (20, 40, 80):
         memory, tau = PenetrationMemory(b, time), 0.5 / count
-        r = column(kappa * r0 / (kappa + k))
+        r = one_row(kappa * r0 / (kappa + k))
         state = memory.start(law, r)
         for _ in range(count):
             step = LocalStep(tau, 1.0 / tau, r)
@@ -64,15 +64,15 @@ def test_wear_and_a_creeping_foundation(wears: bool) -> None:
     for count in (50, 100, 200):
         tau = 4.0 / count
         memory = Wear(k) if wears else ViscousFoundation(1.0 / (k * speed))
-        r, lam = column(0.0, 0.0), column(1.2, 0.0)
+        r, lam = one_row(0.0, 0.0), one_row(1.2, 0.0)
         state = memory.start(law, r)
         for _ in range(count):
-            step = LocalStep(tau, 1.0 / tau, r, column(0.0, speed * tau), lam)
+            step = LocalStep(tau, 1.0 / tau, r, one_row(0.0, speed * tau), lam)
             made = law_of_step(law, memory, state, step).normal
             new = float(made.local_argmin(np.array([kappa]), np.array([kappa * pushed]))[0])
-            lam = column(kappa * (pushed - new), 0.0)
-            state = memory.advance(law, state, step, column(new, speed * tau), lam)
-            r = column(new, 0.0)
+            lam = one_row(kappa * (pushed - new), 0.0)
+            state = memory.advance(law, state, step, one_row(new, speed * tau), lam)
+            r = one_row(new, 0.0)
         errors.append(abs(lam[0, 0] - 0.742540070167))
     assert errors[-1] < 1e-3
     in_order(errors, 1)
@@ -82,7 +82,7 @@ def test_bond_at_a_fixed_opening() -> None:
     """beta = b* + (1 - b*) exp(-gamma r^2 t/eta), b* = w0/(gamma r^2): D4."""
     law, memory, errors = ContactLaw(NoContact()), Bonding(50.0, 0.05, 0.2), []
     for count in (100, 200, 400):
-        tau, r = 1.0 / count, column(-0.1)
+        tau, r = 1.0 / count, one_row(-0.1)
         state = memory.start(law, r)
         for _ in range(count):
             step = LocalStep(tau, 1.0 / tau, r)
@@ -92,7 +92,7 @@ def test_bond_at_a_fixed_opening() -> None:
         errors.append(abs(state["bond"][0] - 0.173876498762))
     assert errors[-1] < 3e-3
     in_order(errors, 1)
-    closed = memory.advance(law, memory.start(law, -r), step, column(0.1), column(0.0))
+    closed = memory.advance(law, memory.start(law, -r), step, one_row(0.1), one_row(0.0))
     assert closed["bond"][0] == 1.0  # pressing does not break it
 
 
@@ -104,9 +104,9 @@ def test_bounce_with_a_damper_that_cannot_pull() -> None:
     found = []
     for tau in (4e-4, 2e-4):
         memory = DampedContact(dashpot)
-        state, r, speed, time = memory.start(law, column(0.0)), 0.0, 0.5, 0.0
+        state, r, speed, time = memory.start(law, one_row(0.0)), 0.0, 0.5, 0.0
         while True:
-            step = LocalStep(tau, 1.0 / tau, column(r))
+            step = LocalStep(tau, 1.0 / tau, one_row(r))
             made = law_of_step(law, memory, state, step).normal
             a = mass / tau**2
             new = float(made.local_argmin(np.array([a]), np.array([a * (r + tau * speed)]))[0])
@@ -146,7 +146,7 @@ def test_a_step_of_the_rate_in_rate_and_state_friction() -> None:
     assert memory.coefficient(state["age"], np.array([second]))[0] == pytest.approx(0.657564627, abs=1e-9)
     time = 0.0
     for tau in (1e4, 3e5, 1e5, 5e6, 1e7):
-        slip = column(0.0, second * tau)
+        slip = one_row(0.0, second * tau)
         step = LocalStep(tau, 1.0 / tau, np.zeros((1, 2)), slip)
         made = law_of_step(law, memory, state, step)
         state = memory.advance(law, state, step, slip, slip)
@@ -164,19 +164,19 @@ def test_a_chain_lets_the_law_beneath_see_what_is_left() -> None:
     """Wear above memory of penetration: the memory acts at r less the wear."""
     law, tau = ContactLaw(Compliance(24.0)), 0.1
     chain = MemoryChain((PenetrationMemory(30.0, 0.4), Wear(0.02)))
-    r, lam = column(0.05, 0.0), column(0.7, 0.0)
+    r, lam = one_row(0.05, 0.0), one_row(0.7, 0.0)
     state = chain.start(law, r)
     for _ in range(5):
-        step = LocalStep(tau, 1.0 / tau, r, column(0.05, 0.3), lam)
+        step = LocalStep(tau, 1.0 / tau, r, one_row(0.05, 0.3), lam)
         made = law_of_step(law, chain, state, step).normal
-        lam = column(float(made.derivative(np.array([0.05]))[0]), 0.0)
+        lam = one_row(float(made.derivative(np.array([0.05]))[0]), 0.0)
         worn = state["1.depth"][0] + 0.02 * 0.3 * lam[0, 0]
         keep, x = np.exp(-tau / 0.4), tau / 0.4
         weight = 0.4 * (1.0 - (1.0 - keep) / x)
         other = 0.4 * ((1.0 - keep) / x - keep)
         before, left = 0.05 - state["1.depth"][0], 0.05 - worn
         q = keep * state["0.integral"][0] + other * before + weight * left
-        state = chain.advance(law, state, step, column(0.05, 0.3), lam)
+        state = chain.advance(law, state, step, one_row(0.05, 0.3), lam)
         assert state["1.depth"][0] == pytest.approx(worn, rel=1e-13)
         assert state["0.integral"][0] == pytest.approx(q, rel=1e-12)
         assert lam[0, 0] == pytest.approx(24.0 * left + 30.0 * q, rel=1e-12)

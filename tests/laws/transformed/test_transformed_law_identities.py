@@ -334,7 +334,7 @@ def test_kinks_of_an_envelope_become_springs(smooth: bool) -> None:
     np.testing.assert_allclose(one.curvature(r)[held], 1.0 / c, rtol=1e-9)
 
 
-def told(text: str, r: float, slope: float) -> float:
+def value_of_text(text: str, r: float, slope: float) -> float:
     """What a formula of a piece says at r; ``slope`` is what it calls j'."""
     depth, place, opened, inner = 0, None, 0, []
     for i, sign in enumerate(text):
@@ -345,9 +345,9 @@ def told(text: str, r: float, slope: float) -> float:
         elif depth == 0 and sign == ")" and " at " in text[opened:i]:
             inner.append(text[opened + 1 : i])
     if place is not None:
-        return told(text[:place], told(text[place + 4 :], r, slope), slope)
+        return value_of_text(text[:place], value_of_text(text[place + 4 :], r, slope), slope)
     for part in inner:
-        text = text.replace(f"({part})", f"({told(part, r, slope)})")
+        text = text.replace(f"({part})", f"({value_of_text(part, r, slope)})")
     text = re.sub(r"\|(.*?)\|", r"abs(\1)", text).replace("^", "**").replace("j'", f"({slope})")
     return float(eval(re.sub(r"([\d)]) (?=[\d(a-z])", r"\1*", text), {"exp": np.exp, "r": r}))
 
@@ -384,6 +384,6 @@ def test_the_formula_of_each_piece_says_what_the_piece_does(kind: str, name: str
         assert text
         for r in (low + share * (high - low) for share in (0.2, 0.5, 0.9) if low < high):
             slope = float(made.piece_derivative(index, np.full(2, r))[0])
-            assert told(text, r, slope) == pytest.approx(slope, rel=1e-4, abs=1e-5), (text, r)
+            assert value_of_text(text, r, slope) == pytest.approx(slope, rel=1e-4, abs=1e-5), (text, r)
             spoken += abs(slope) > 1e-3
     assert spoken or name == "signorini"

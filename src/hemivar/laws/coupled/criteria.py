@@ -1,4 +1,4 @@
-"""How the fracture energy of glue depends on the mode: criteria with two energies, for opening and for shear.
+"""Mode-mixity criteria (Benzeggagh-Kenane, power law): fracture energy of glue from those for opening and for shear.
 
 The mode B is the share of the shear in the energy release rate, ``G_II / (G_I + G_II)``: 0 in opening, 1 in shear.
 """
@@ -83,15 +83,15 @@ class BenzeggaghKenane(FractureCriterion):
             return mode**eta, eta * mode ** (eta - 1.0)
 
     def energy(self, mode: Array) -> tuple[Array, Array]:
-        one, two, _ = self.values()
-        share, rate = self._share(mode)
-        return one + (two - one) * share, np.where(two == one, 0.0, (two - one) * np.where(two == one, 0.0, rate))
+        opening, shear, _ = self.values()
+        (share, rate), apart = self._share(mode), shear - opening
+        return opening + apart * share, np.where(apart == 0.0, 0.0, apart * np.where(apart == 0.0, 0.0, rate))
 
     def onset(self, mode: Array, first: Array, second: Array) -> tuple[Array, Array]:
         share, rate = self._share(mode)
         apart = second**2 - first**2
-        place = np.sqrt(first**2 + apart * share)
-        return place, np.where(apart == 0.0, 0.0, apart * np.where(apart == 0.0, 0.0, rate)) / (2.0 * place)
+        rho = np.sqrt(first**2 + apart * share)
+        return rho, np.where(apart == 0.0, 0.0, apart * np.where(apart == 0.0, 0.0, rate)) / (2.0 * rho)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +104,12 @@ class PowerCriterion(FractureCriterion):
     name: ClassVar[str] = "power"
 
     def energy(self, mode: Array) -> tuple[Array, Array]:
-        one, two, p = self.values()
+        opening, shear, p = self.values()
         with np.errstate(divide="ignore"):
-            found = (((1.0 - mode) / one) ** p + (mode / two) ** p) ** (-1.0 / p)
-            rate = (mode / two) ** (p - 1.0) / two - ((1.0 - mode) / one) ** (p - 1.0) / one
-        return found, -(found ** (p + 1.0)) * rate
+            total = (((1.0 - mode) / opening) ** p + (mode / shear) ** p) ** (-1.0 / p)
+            rate = (mode / shear) ** (p - 1.0) / shear - ((1.0 - mode) / opening) ** (p - 1.0) / opening
+        return total, -(total ** (p + 1.0)) * rate
 
     def onset(self, mode: Array, first: Array, second: Array) -> tuple[Array, Array]:
-        place = ((1.0 - mode) / first**2 + mode / second**2) ** -0.5
-        return place, -0.5 * place**3 * (second**-2 - first**-2)
+        rho = ((1.0 - mode) / first**2 + mode / second**2) ** -0.5
+        return rho, -0.5 * rho**3 * (second**-2 - first**-2)

@@ -20,8 +20,6 @@ from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar, sp
 
 __all__ = ["FrictionBeside"]
 
-#: Steps of the search for the secant stiffness, and times that its upper end is doubled before it.
-_STEPS, _DOUBLINGS = 100, 60
 #: Part of a slip, and of a stiffness, that is rounding.
 _ROUNDED = 4.0 * float(np.finfo(float).eps)
 
@@ -52,7 +50,7 @@ class FrictionBeside(LawBeside):
 
     # ---- the friction -----------------------------------------------------------------------------------
 
-    def _way(self, r: Array) -> Array:
+    def _slid(self, r: Array) -> Array:
         """Slip increment (m, c - 1)."""
         return np.asarray(r[:, 1:] - self.start)
 
@@ -60,13 +58,13 @@ class FrictionBeside(LawBeside):
         """The bound at all points, (m,)."""
         return np.broadcast_to(self.bound, (len(r),))
 
-    def _held(self, r: Array) -> BoolArray:
+    def _sticks(self, r: Array) -> BoolArray:
         """Points (m,) at which friction sticks."""
-        return np.asarray((self._most(r) > 0.0) & ~self._way(r).any(axis=1))
+        return np.asarray((self._most(r) > 0.0) & ~self._slid(r).any(axis=1))
 
     def slide(self, r: Array) -> Array:
         """Friction (m, c) of points that slip; zero in the normal component, and where they stick."""
-        out, (size, heading) = np.zeros(r.shape), polar(self._way(r))
+        out, (size, heading) = np.zeros(r.shape), polar(self._slid(r))
         out[:, 1:] = np.where(size > 0.0, self._most(r), 0.0)[:, None] * heading
         return out
 
@@ -75,13 +73,13 @@ class FrictionBeside(LawBeside):
         size, heading = polar(lam[:, 1:] - self.base.nearest_multiplier(r, lam)[:, 1:])
         out = self.slide(r)
         rest = np.minimum(size, self._most(r))[:, None] * heading
-        out[:, 1:] = np.where(self._held(r)[:, None], rest, out[:, 1:])
+        out[:, 1:] = np.where(self._sticks(r)[:, None], rest, out[:, 1:])
         return out
 
     def _bend(self, r: Array) -> Array:
         """Second derivative (m, c, c) of the friction of points that slip."""
         m, c = r.shape
-        size, heading = polar(self._way(r))
+        size, heading = polar(self._slid(r))
         out = np.zeros((m, c, c))
         across = np.eye(c - 1) - heading[:, :, None] * heading[:, None, :]
         slope = np.where(size > 0.0, self._most(r) / np.where(size > 0.0, size, 1.0), 0.0)
@@ -91,7 +89,7 @@ class FrictionBeside(LawBeside):
     # ---- value and subdifferential ----------------------------------------------------------------------
 
     def value(self, r: Array) -> Array:
-        rubbed = self._most(r) * (lengths(self._way(r)) - lengths(np.broadcast_to(self.start, r[:, 1:].shape)))
+        rubbed = self._most(r) * (lengths(self._slid(r)) - lengths(np.broadcast_to(self.start, r[:, 1:].shape)))
         return np.asarray(self.base.value(r) + rubbed)
 
     def _at_start(self, r: Array) -> Array:
@@ -106,16 +104,16 @@ class FrictionBeside(LawBeside):
 
     def clamp(self, start: Array, end: Array) -> Array:
         out = self.base.clamp(start, end)
-        back = np.einsum("mi,mi->m", self._way(start), self._way(end)) <= 0.0
+        back = np.einsum("mi,mi->m", self._slid(start), self._slid(end)) <= 0.0
         return np.where(back[:, None], self._at_start(out), out)
 
     def linearise(self, r: Array) -> Linearisation:
-        line, held = self.base.linearise(r), self._held(r)
+        line, sticks = self.base.linearise(r), self._sticks(r)
         smooth = line.smooth.copy()
-        smooth[:, 1] &= ~held
+        smooth[:, 1] &= ~sticks
         gradient, hessian = line.gradient + self.slide(r), line.hessian + self._bend(r)
-        gradient[held, 1:] = 0.0
-        hessian[held, 1:, :] = hessian[held, :, 1:] = 0.0
+        gradient[sticks, 1:] = 0.0
+        hessian[sticks, 1:, :] = hessian[sticks, :, 1:] = 0.0
         return Linearisation(smooth, gradient, hessian)
 
     # ---- the local problem ------------------------------------------------------------------------------
@@ -193,8 +191,8 @@ class _Rubbed:
         pull, b = self.left(m)[0], self.b.copy()
         b[:, 1:] = pull
         slip = lengths(pull) / m
-        found = slip - lengths(self.law.base.local_argmin(self.a, b)[:, 1:])
-        return np.where(np.abs(found) <= _ROUNDED * slip, 0.0, found)
+        excess = slip - lengths(self.law.base.local_argmin(self.a, b)[:, 1:])
+        return np.where(np.abs(excess) <= _ROUNDED * slip, 0.0, excess)
 
     def secant(self) -> Array:
         """m, (k,): by the false position, in whose place every third step halves."""
@@ -202,21 +200,21 @@ class _Rubbed:
         stiffness = np.abs(self.law.base.linearise(np.zeros(self.b.shape)).hessian[:, 1, 1])
         high = low + np.maximum(stiffness, low)
         above, below = self._excess(low), self._excess(high)
-        for _ in range(_DOUBLINGS):
+        for _ in range(60):
             if not (below > 0.0).any():
                 break
             high = np.where(below > 0.0, 2.0 * high, high)
             below = self._excess(high)
-        found = np.where(above == 0.0, low, high)
+        root = np.where(above == 0.0, low, high)
         open_: BoolArray = (above != 0.0) & (below != 0.0)
-        for number in range(_STEPS):
+        for number in range(100):  # halving every third time, it is through before
             if not open_.any():
                 break
             m = high + (high - low) * below / np.where(open_, above - below, 1.0)
             m = np.where((m > low) & (m < high) & (number % 3 < 2), m, np.sqrt(low * high))
             now = self._excess(m)
-            found = np.where(open_, m, found)
+            root = np.where(open_, m, root)
             open_ &= (now != 0.0) & (high - low > _ROUNDED * high)
             low, above = np.where(now > 0.0, m, low), np.where(now > 0.0, now, above)
             high, below = np.where(now > 0.0, high, m), np.where(now > 0.0, below, now)
-        return found
+        return root

@@ -1,4 +1,4 @@
-"""Different laws at different contact points, of which some couple opening and slip."""
+"""One contact law of different laws at different contact points (gather and scatter), some of them coupled."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def _several(question: str) -> Callable[..., tuple[np.ndarray, ...]]:
     """The same where several arrays are the answer."""
 
     def asked(law: JoinedLaw, *given: object) -> tuple[np.ndarray, ...]:
-        found = [getattr(part, question)(*own) for part, own in _given(law, given)]
-        return tuple(law.gather(parts) for parts in zip(*found, strict=True))
+        answers = [getattr(part, question)(*own) for part, own in _given(law, given)]
+        return tuple(law.gather(parts) for parts in zip(*answers, strict=True))
 
     return asked
 
@@ -41,7 +41,7 @@ def _several(question: str) -> Callable[..., tuple[np.ndarray, ...]]:
 def _given(law: JoinedLaw, given: tuple[object, ...]) -> list[tuple[VectorLaw, list[object]]]:
     """The parts, and what they are asked of their own points."""
     return [
-        (part, [one[index] if isinstance(one, np.ndarray) else one for one in given])
+        (part, [argument[index] if isinstance(argument, np.ndarray) else argument for argument in given])
         for part, index in zip(law.parts, law.indices, strict=True)
     ]
 
@@ -66,11 +66,11 @@ class JoinedLaw(VectorLaw):
         """
         if fill is not None:
             width = max(part.shape[1] for part in parts)
-            parts = [np.pad(one, ((0, 0), (0, width - one.shape[1])), constant_values=fill) for one in parts]
-        found = np.empty((self._count, *parts[0].shape[1:]), dtype=np.result_type(*parts))
+            parts = [np.pad(table, ((0, 0), (0, width - table.shape[1])), constant_values=fill) for table in parts]
+        out = np.empty((self._count, *parts[0].shape[1:]), dtype=np.result_type(*parts))
         for part, index in zip(parts, self.indices, strict=True):
-            found[index] = part
-        return found
+            out[index] = part
+        return out
 
     @cached_property
     def _count(self) -> int:
@@ -81,11 +81,11 @@ class JoinedLaw(VectorLaw):
 
     def take(self, index: IntArray) -> VectorLaw:
         index = np.atleast_1d(np.asarray(index, dtype=np.int64))
-        owner, place = np.empty(self._count, dtype=np.int64), np.empty(self._count, dtype=np.int64)
+        owner, inner = np.empty(self._count, dtype=np.int64), np.empty(self._count, dtype=np.int64)
         for k, rows in enumerate(self.indices):
-            owner[rows], place[rows] = k, np.arange(rows.size)
+            owner[rows], inner[rows] = k, np.arange(rows.size)
         here = [np.flatnonzero(owner[index] == k) for k in range(len(self.parts))]
-        chosen = [(law.take(place[index[rows]]), rows) for law, rows in zip(self.parts, here, strict=True) if rows.size]
+        chosen = [(law.take(inner[index[rows]]), rows) for law, rows in zip(self.parts, here, strict=True) if rows.size]
         if len(chosen) == 1:
             return chosen[0][0]
         return JoinedLaw(tuple(law for law, _ in chosen), tuple(rows for _, rows in chosen))
@@ -93,7 +93,7 @@ class JoinedLaw(VectorLaw):
     def _each(self, ask: Callable[..., VectorLaw], *given: object) -> VectorLaw:
         """The law of other parts, asked with what is given of their own points; itself where they are the same."""
         parts = tuple(ask(law, *own) for law, own in _given(self, given))
-        same = all(one is other for one, other in zip(parts, self.parts, strict=True))
+        same = all(part is other for part, other in zip(parts, self.parts, strict=True))
         return self if same else JoinedLaw(parts, self.indices)
 
     def in_increments(self, rate: float) -> VectorLaw:
@@ -161,7 +161,7 @@ class JoinedLaw(VectorLaw):
 
     def pressures(self, r: Array) -> Interval:
         ends = [law.pressures(r[i]) for law, i in zip(self.parts, self.indices, strict=True)]
-        return Interval(self.gather([one.lower for one in ends]), self.gather([one.upper for one in ends]))
+        return Interval(self.gather([end.lower for end in ends]), self.gather([end.upper for end in ends]))
 
     def linearise(self, r: Array) -> Linearisation:
         lines = [vars(law.linearise(r[i])) for law, i in zip(self.parts, self.indices, strict=True)]
@@ -170,9 +170,9 @@ class JoinedLaw(VectorLaw):
     def on_graph(self, p: Array, a: Array) -> OnGraph:
         return self.joined([law.on_graph(p[i], a[i]) for law, i in zip(self.parts, self.indices, strict=True)])
 
-    def joined(self, found: Sequence[OnGraph]) -> OnGraph:
+    def joined(self, pairs: Sequence[OnGraph]) -> OnGraph:
         """Pairs of the parts as those of all points."""
-        return OnGraph(*(self.gather(arrays) for arrays in zip(*(vars(one).values() for one in found), strict=True)))
+        return OnGraph(*(self.gather(arrays) for arrays in zip(*(vars(pair).values() for pair in pairs), strict=True)))
 
     def is_curve(self, a: Array, components: int) -> bool:
         return all(law.is_curve(a[i], components) for law, i in zip(self.parts, self.indices, strict=True))
@@ -184,9 +184,9 @@ class JoinedLaw(VectorLaw):
 
     def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
         return [
-            replace(one, point=index[one.point])
+            replace(side, point=index[side.point])
             for law, index in zip(self.parts, self.indices, strict=True)
-            for one in law.sides(r[index], lam[index], active[index], tau[index], slack)
+            for side in law.sides(r[index], lam[index], active[index], tau[index], slack)
         ]
 
     def debonding(self, r: Array) -> dict[str, Array]:
@@ -233,7 +233,7 @@ class JoinedLaw(VectorLaw):
     @property
     def penetrations(self) -> Interval:
         ends = [law.penetrations for law in self.parts]
-        return Interval(self.gather([one.lower for one in ends]), self.gather([one.upper for one in ends]))
+        return Interval(self.gather([end.lower for end in ends]), self.gather([end.upper for end in ends]))
 
     @property
     def penetration_knots(self) -> Array:
@@ -260,9 +260,9 @@ class _JoinedChart(Chart):
         return self.law.joined([chart.at(p[i], None if near is None else near[i]) for chart, i in self._each])
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        found = [chart.graph_distance(r[i], lam[i], tau[i]) for chart, i in self._each]
-        same = min(one.shape[1] for one in found) == max(one.shape[1] for one in found)
-        return self.law.gather(found if same else [np.linalg.norm(one, axis=1, keepdims=True) for one in found])
+        parts = [chart.graph_distance(r[i], lam[i], tau[i]) for chart, i in self._each]
+        same = min(part.shape[1] for part in parts) == max(part.shape[1] for part in parts)
+        return self.law.gather(parts if same else [np.linalg.norm(part, axis=1, keepdims=True) for part in parts])
 
     def bounded(self, part: float) -> Chart | None:
         charts = [chart.bounded(part) for chart in self.parts]

@@ -1,4 +1,4 @@
-"""Mixed-mode glue of one fracture energy: opening and slip act through one effective opening."""
+"""Mixed-mode cohesive law of one fracture energy: opening and slip act through one effective opening."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ import numpy as np
 
 from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
+from hemivar.laws.coupled.cohesion import BilinearCohesion, ExponentialCohesion, TrapezoidalCohesion
 from hemivar.laws.coupled.criteria import FractureCriterion
 from hemivar.laws.coupled.opening import OpeningProblem
 from hemivar.laws.crossings import length_places, level_places
 from hemivar.laws.glue import Glue
-from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import evaluate, positive, read_formulas
+from hemivar.laws.named import LawKind, named
+from hemivar.laws.normal import Compliance, Signorini
+from hemivar.laws.parameters import COMPRESSION, evaluate, positive, read_formulas, word
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import is_continuous, local_minimiser, steepest
@@ -220,16 +223,16 @@ class MixedMode(Glue):
 
     def describe(self, point: int = 0) -> str:
         """Strengths, openings and alpha at one contact point, in words."""
-        one = self.take(np.array([point]))
-        alpha, beta = float(one.weak_convexity[0][0]), float(one.beta[0])
+        single = self.take(np.array([point]))
+        alpha, beta = float(single.weak_convexity[0][0]), float(single.beta[0])
         lines = (
             f"law {self.name}: {self.cohesion.name}; in penetration {self.compression.name}",
-            f"strength          {one.strength.item():.6g} in opening, {beta * one.strength.item():.6g} in shear",
-            f"fracture energy   {one.fracture_energy.item():.6g}, whatever the mode",
-            f"softens           from the opening {one.opening_at_peak.item():.6g} (slip "
-            f"{one.opening_at_peak.item() / beta:.6g}) on",
-            f"lets go           at the opening {one.opening_at_break.item():.6g} (slip "
-            f"{one.opening_at_break.item() / beta:.6g})",
+            f"strength          {single.strength.item():.6g} in opening, {beta * single.strength.item():.6g} in shear",
+            f"fracture energy   {single.fracture_energy.item():.6g}, whatever the mode",
+            f"softens           from the opening {single.opening_at_peak.item():.6g} (slip "
+            f"{single.opening_at_peak.item() / beta:.6g}) on",
+            f"lets go           at the opening {single.opening_at_break.item():.6g} (slip "
+            f"{single.opening_at_break.item() / beta:.6g})",
             f"alpha             {alpha:.6g} for the opening, {alpha * beta**2:.6g} for the slip (weakly convex)",
         )
         return "\n".join(lines)
@@ -330,9 +333,9 @@ class MixedMode(Glue):
 
     def kinks_along(self, start: Array, end: Array, bend: Array) -> Array:
         shut = level_places(np.zeros((1, 1)), start[:, 0], end[:, 0], bend[:, 0])
-        ways = [np.column_stack([one[:, 0], self.beta[:, None] * one[:, 1:]]) for one in (start, end)]
-        slips = [way[:, 1:] for way in ways]
-        return np.concatenate([shut, length_places(self._half[0], *ways), length_places(self._half[0], *slips)], axis=1)
+        ends = [np.column_stack([r[:, 0], self.beta[:, None] * r[:, 1:]]) for r in (start, end)]
+        slips = [end_point[:, 1:] for end_point in ends]
+        return np.concatenate([shut, length_places(self._half[0], *ends), length_places(self._half[0], *slips)], axis=1)
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         out, law = self._gradient(r), self.compression
@@ -404,7 +407,7 @@ class MixedMode(Glue):
         # by half
         far = np.maximum(rho, self.opening_at_break)
         after = rho[:, None] + (far - rho)[:, None] * _WAYS
-        pull = np.stack([self._table.derivative(place) for place in after.T], axis=1)
+        pull = np.stack([self._table.derivative(end) for end in after.T], axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.sqrt(np.maximum(1.0 - (opening[:, None] / after) ** 2, 0.0))
         share = np.where(after > 0.0, share, 1.0)
@@ -508,13 +511,13 @@ class MixedMode(Glue):
             work = (0.5 * problem.stiffness[:, None, :] * places**2 - problem.force[:, None, :] * places).sum(axis=2)
         return places, rho, np.where(np.isnan(secants), np.inf, np.where(far, -np.inf, work + stored))
 
-    def _of_opening(self, opens: IntArray, b: Array, place: Array) -> Array:
+    def _of_opening(self, opens: IntArray, b: Array, opening: Array) -> Array:
         """Local displacements (n, c) of an opening and an effective slip (n, 2)."""
         out = np.zeros((opens.size, b.shape[1]))
-        out[:, 0] = -place[:, 0]
+        out[:, 0] = -opening[:, 0]
         if b.shape[1] > 1:
             beta = np.broadcast_to(self.beta, (len(b),))[opens]
-            out[:, 1:] = (place[:, 1] / beta)[:, None] * polar(b[opens, 1:])[1]
+            out[:, 1:] = (opening[:, 1] / beta)[:, None] * polar(b[opens, 1:])[1]
         return np.where(np.isfinite(out), out, np.nan)
 
     # ---- where a pair lies ------------------------------------------------------------------------------
@@ -554,3 +557,41 @@ def row_entries(table: Array, index: IntArray) -> Array:
     if len(table) == 1:
         return np.asarray(table[0].take(index))
     return np.take_along_axis(table, index[:, None], axis=1)[:, 0]
+
+
+@named(
+    LawKind.NORMAL,
+    "mixed-mode",
+    "glue with one effective opening of opening and slip and one fracture energy; includes friction",
+    "j(r) = Phi(rho), rho = sqrt(<w>^2 + ratio^2 |s|^2), with the opening w = -r and the slip s",
+)
+@stating(
+    TrapezoidalCohesion,
+    MixedMode,
+    shape=word("how the traction falls", "bilinear", "exponential", "trapezoidal"),
+    compression=COMPRESSION,
+)
+def _by_values(
+    strength: Parameter,
+    energy: Parameter,
+    stiffness: Parameter,
+    ratio: Parameter = 1.0,
+    shape: str = "bilinear",
+    plateau: Parameter | None = None,
+    compression: Parameter | None = None,
+) -> MixedMode:
+    stated = (strength, energy, stiffness)
+    if (plateau is not None) != (shape == "trapezoidal"):
+        raise ProblemError("law 'mixed-mode': the shape 'trapezoidal' needs a plateau, and no other one has any")
+    cohesion: Superpotential
+    match shape:
+        case "trapezoidal":
+            assert plateau is not None
+            cohesion = TrapezoidalCohesion(*stated, plateau)
+        case "exponential":
+            cohesion = ExponentialCohesion(*stated)
+        case "bilinear":
+            cohesion = BilinearCohesion(*stated)
+        case _:
+            raise ProblemError(f"law 'mixed-mode' has no shape '{shape}'; take bilinear, exponential or trapezoidal")
+    return MixedMode(cohesion, ratio, Signorini() if compression is None else Compliance(compression))

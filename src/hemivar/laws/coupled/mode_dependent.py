@@ -1,4 +1,4 @@
-"""Glue whose fracture energy depends on the mode: J(w, v) with the mode of a state w."""
+"""Mode-dependent cohesive law: fracture energy by the mode mixity, J(w, v) with the mode of a state w."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ import numpy as np
 
 from hemivar.basics.arguments import described
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.cohesion import BilinearCohesion
-from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion
+from hemivar.laws.coupled.criteria import BenzeggaghKenane, FractureCriterion, PowerCriterion
 from hemivar.laws.coupled.mixed_mode import MixedMode, stated_compression
 from hemivar.laws.coupled.opening import rising_roots
 from hemivar.laws.glue import Glue
-from hemivar.laws.normal import Signorini
-from hemivar.laws.parameters import PRESSURE, RATE, evaluate, positive, read_formulas
+from hemivar.laws.named import LawKind, named
+from hemivar.laws.normal import Compliance, Signorini
+from hemivar.laws.parameters import COMPRESSION, LINE, PRESSURE, RATE, evaluate, positive, read_formulas, word
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, OnGraph, lengths, polar, spread
 
@@ -91,7 +93,7 @@ class ModeDependentGlue(Glue):
 
     def _values(self, points: Array | None) -> dict[str, Array]:
         given = {what: getattr(self, what) for what in self._numbers if getattr(self, what) is not None}
-        return {what: evaluate(one, points, f"{what} of law '{self.name}'", above=0.0) for what, one in given.items()}
+        return {what: evaluate(v, points, f"{what} of law '{self.name}'", above=0.0) for what, v in given.items()}
 
     def at(self, points: Array | None) -> ModeDependentGlue:
         made = replace(
@@ -100,9 +102,9 @@ class ModeDependentGlue(Glue):
             criterion=self.criterion.at(points),
             compression=self.compression.at(points),
         )
-        place, last = made._table[0], made._table[2]
-        if (last <= place).any():
-            mode = float(_MODES[int(np.argmax((last <= place).any(axis=1)))])
+        first, last = made._table[0], made._table[2]
+        if (last <= first).any():
+            mode = float(_MODES[int(np.argmax((last <= first).any(axis=1)))])
             raise ProblemError(
                 f"law '{self.name}': in the mode {mode:g} (0 opening, 1 shear) the fracture energy is less than is "
                 "stored at the strength; take a lower strength or more energy"
@@ -125,14 +127,14 @@ class ModeDependentGlue(Glue):
         known, pushes = stated_compression(self.compression)
         if not known:
             return None
-        one = self.criterion
+        energies = self.criterion
         return {
             "law": self.name,
             **{what: getattr(self, what) for what in self._numbers},
-            "energy": one.opening,
-            "shear_energy": one.shear,
-            "exponent": one.exponent,
-            "criterion": one.name,
+            "energy": energies.opening,
+            "shear_energy": energies.shear,
+            "exponent": energies.exponent,
+            "criterion": energies.name,
             "compression": pushes,
         }
 
@@ -153,8 +155,8 @@ class ModeDependentGlue(Glue):
         own = self._own
         if "shear_stiffness" in own:
             return np.sqrt(own["shear_stiffness"] / own["stiffness"])
-        one, two, _ = self.criterion.values()
-        return np.asarray(np.sqrt(one / two) * own["shear_strength"] / own["strength"])
+        opening, shear, _ = self.criterion.values()
+        return np.asarray(np.sqrt(opening / shear) * own["shear_strength"] / own["strength"])
 
     @cached_property
     def _first(self) -> tuple[Array, Array]:
@@ -170,11 +172,11 @@ class ModeDependentGlue(Glue):
     def _curve(self, mode: Array) -> tuple[Array, Array, Array, Array]:
         """rho of first damage and of the break, each with its derivative by the mode."""
         stiffness, (first, second) = self._own["stiffness"], self._first
-        place, rate = self.criterion.onset(mode, first, second)
+        first_damage, rate = self.criterion.onset(mode, first, second)
         energy, energy_rate = self.criterion.energy(mode)
-        last = 2.0 * energy / (stiffness * place)
+        last = 2.0 * energy / (stiffness * first_damage)
         with np.errstate(invalid="ignore"):
-            return place, rate, last, last * (energy_rate / energy - rate / place)
+            return first_damage, rate, last, last * (energy_rate / energy - rate / first_damage)
 
     @cached_property
     def _table(self) -> tuple[Array, Array, Array, Array]:
@@ -208,8 +210,8 @@ class ModeDependentGlue(Glue):
 
     def _frozen(self, mode: Array) -> MixedMode:
         stiffness = self._own["stiffness"]
-        place, _, _, _ = self._curve(mode)
-        cohesion = BilinearCohesion(stiffness * place, self.criterion.energy(mode)[0], stiffness)
+        onset, _, _, _ = self._curve(mode)
+        cohesion = BilinearCohesion(stiffness * onset, self.criterion.energy(mode)[0], stiffness)
         return MixedMode(cohesion, self.ratio, self.compression).at(None)
 
     @property
@@ -246,12 +248,12 @@ class ModeDependentGlue(Glue):
         The traction changes with the mode by ``max((K + k) |rho_0'|, k |rho_f'|)`` at most, the mode with the state by
         ``max(2 ratio, 1) / rho_min``.  Sampled over the modes; infinite for a Benzeggagh-Kenane exponent below 1.
         """
-        place, rate, last, last_rate = self._table
+        onset, rate, last, last_rate = self._table
         stiffness, largest = self._own["stiffness"], np.maximum(self.ratio, 1.0)
-        fall = stiffness * place / (last - place)
+        fall = stiffness * onset / (last - onset)
         by_mode = np.maximum((stiffness + fall) * np.abs(rate), fall * np.abs(last_rate)).max(axis=0)
-        found = np.asarray(largest * by_mode * np.maximum(2.0 * self.ratio, largest) / self.least_damage)
-        return np.where(np.isnan(found), np.inf, found)
+        lipschitz = np.asarray(largest * by_mode * np.maximum(2.0 * self.ratio, largest) / self.least_damage)
+        return np.where(np.isnan(lipschitz), np.inf, lipschitz)
 
     @property
     def lipschitz_sampled(self) -> bool:
@@ -259,22 +261,22 @@ class ModeDependentGlue(Glue):
 
     def describe(self, point: int = 0) -> str:
         """Energies, openings and constants at one contact point, in words."""
-        one = self.take(np.array([point]))
-        place, _, last, _ = one._table
-        energies = one.criterion.values()
-        alphas = [float(alpha[0]) for alpha in one.weak_convexity]
+        single = self.take(np.array([point]))
+        onset, _, last, _ = single._table
+        energies = single.criterion.values()
+        alphas = [float(alpha[0]) for alpha in single.weak_convexity]
         return "\n".join(
             (
                 f"law {self.name}: {self.criterion.name}, exponent {float(energies[2][0]):g}; in penetration "
                 f"{self.compression.name}",
                 f"fracture energy   {float(energies[0][0]):.6g} in opening, {float(energies[1][0]):.6g} in shear",
-                f"shear stiffness   {float((one.ratio**2 * one._own['stiffness'])[0]):.6g}",
-                f"softens           from the opening {place[0, 0]:.6g} on, or the slip "
-                f"{place[-1, 0] / float(one.ratio[0]):.6g}",
+                f"shear stiffness   {float((single.ratio**2 * single._own['stiffness'])[0]):.6g}",
+                f"softens           from the opening {onset[0, 0]:.6g} on, or the slip "
+                f"{onset[-1, 0] / float(single.ratio[0]):.6g}",
                 f"lets go           at the opening {last[0, 0]:.6g}, or the slip "
-                f"{last[-1, 0] / float(one.ratio[0]):.6g}",
+                f"{last[-1, 0] / float(single.ratio[0]):.6g}",
                 f"alpha             {alphas[0]:.6g} for the opening, {alphas[1]:.6g} for the slip, whatever the mode",
-                f"m_L               {float(one.lipschitz[0]):.6g}, Lipschitz constant in the state (sampled)",
+                f"m_L               {float(single.lipschitz[0]):.6g}, Lipschitz constant in the state (sampled)",
             )
         )
 
@@ -318,7 +320,7 @@ class ModeDependentGlue(Glue):
         return {"opening": opening, "stiffness": stiffness, "mode": np.where(began, mode, -1.0)}
 
     def unloading(self, known: Mapping[str, Array]) -> KeptModeGlue:
-        own = {one.name: getattr(self, one.name) for one in fields(ModeDependentGlue)}
+        own = {parameter.name: getattr(self, parameter.name) for parameter in fields(ModeDependentGlue)}
         return KeptModeGlue(**own, kept=known["mode"], reached=known["opening"])
 
     def spent_by(self, known: Mapping[str, Array]) -> Array:
@@ -356,15 +358,15 @@ class ModeDependentGlue(Glue):
         force = np.column_stack([np.where(opens, -p[:, 0], 0.0), pull / ratio])
         m, by = self._secants(flat, force)
         loose = 1.0 / (flat + m[:, None])
-        place, turned = force * loose, -(force * loose**2)[:, :, None] * by[:, None, :]
+        opening, turned = force * loose, -(force * loose**2)[:, :, None] * by[:, None, :]
         pressed = np.maximum(self.compression.local_argmin(a[:, 0], np.maximum(p[:, 0], 0.0)), 0.0)
         bend = self.compression.curvature(np.maximum(pressed, np.finfo(float).tiny))
         give = np.where(self.compression.at_kink(pressed), 0.0, 1.0 / (a[:, 0] + bend))
-        r = np.column_stack([np.where(opens, -place[:, 0], pressed), (place[:, 1] / ratio)[:, None] * heading])
+        r = np.column_stack([np.where(opens, -opening[:, 0], pressed), (opening[:, 1] / ratio)[:, None] * heading])
         jacobian = np.zeros((*p.shape, p.shape[1]))
         jacobian[:, 0, 0] = np.where(opens, loose[:, 0] + turned[:, 0, 0], give)
-        for (row, column), one in (((0, slice(1, None)), turned[:, 0, 1]), ((slice(1, None), 0), turned[:, 1, 0])):
-            jacobian[:, row, column] = np.where(opens, -one / ratio, 0.0)[:, None] * heading
+        for (row, column), turn in (((0, slice(1, None)), turned[:, 0, 1]), ((slice(1, None), 0), turned[:, 1, 0])):
+            jacobian[:, row, column] = np.where(opens, -turn / ratio, 0.0)[:, None] * heading
         outer = heading[:, :, None] * heading[:, None, :]
         jacobian[:, 1:, 1:] = (loose[:, 1] / ratio**2)[:, None, None] * np.eye(p.shape[1] - 1)
         jacobian[:, 1:, 1:] += (turned[:, 1, 1] / ratio**2)[:, None, None] * outer
@@ -391,30 +393,30 @@ class ModeDependentGlue(Glue):
     def _missed(self, flat: Array, force: Array, m: Array) -> tuple[Array, Array, Array, Array]:
         """``m rho - T`` (m,) where glue softens, its derivative by m, the size of both parts, and that by the force."""
         loose = 1.0 / (flat + m[:, None])
-        place = force * loose
-        rho, mode = self._where(place)
+        opening = force * loose
+        rho, mode = self._where(opening)
         some, stiffness = np.where(rho > 0.0, rho, 1.0), self._own["stiffness"]
         first, first_rate, last, last_rate = self._curve(mode)
         wide, steers = last - first, self._steering
         left, fall = (last - rho) / wide, stiffness * first / wide
         by_mode = stiffness * (first_rate * left + first * (last_rate - left * (last_rate - first_rate)) / wide)
-        share = place / some[:, None]  # of rho by the place
+        share = opening / some[:, None]  # of rho by opening and slip
 
-        def rate(way: Array) -> Array:
-            """The derivative along a way (m, 2) of the place, m rho counted with m held."""
-            along = np.einsum("mi,mi->m", share, way)
-            turn = 2.0 * (share[:, 1] * way[:, 1] - mode * along) / some
+        def rate(direction: Array) -> Array:
+            """The derivative along a direction (m, 2) of opening and slip, m rho counted at fixed m."""
+            along = np.einsum("mi,mi->m", share, direction)
+            turn = 2.0 * (share[:, 1] * direction[:, 1] - mode * along) / some
             return np.asarray((m + fall) * along - np.where(steers, by_mode, 0.0) * turn)
 
         none = np.zeros(len(m))
-        by_force = [rate(np.column_stack(way)) for way in ((loose[:, 0], none), (none, loose[:, 1]))]
+        by_force = [rate(np.column_stack(direction)) for direction in ((loose[:, 0], none), (none, loose[:, 1]))]
         pull = stiffness * first * left
-        return m * rho - pull, rho + rate(-place * loose), m * rho + np.abs(pull), np.stack(by_force, axis=1)
+        return m * rho - pull, rho + rate(-opening * loose), m * rho + np.abs(pull), np.stack(by_force, axis=1)
 
-    def _where(self, place: Array) -> tuple[Array, Array]:
+    def _where(self, opening: Array) -> tuple[Array, Array]:
         """rho and the mode of an opening and an effective slip (m, 2)."""
-        rho = np.hypot(place[:, 0], place[:, 1])
-        return rho, np.minimum((place[:, 1] / np.maximum(rho, self.least_damage)) ** 2, 1.0)
+        rho = np.hypot(opening[:, 0], opening[:, 1])
+        return rho, np.minimum((opening[:, 1] / np.maximum(rho, self.least_damage)) ** 2, 1.0)
 
     @property
     def _steering(self) -> BoolArray:
@@ -460,16 +462,16 @@ class ModeDependentGlue(Glue):
         return self._pure[0].recession(direction)
 
     def strongest(self, rest: Array, size: float) -> tuple[Array, Array, Array]:
-        one, two = (law.strongest(rest, size) for law in self._pure)
-        return np.minimum(one[0], two[0]), np.minimum(one[1], two[1]), np.minimum(one[2], two[2])
+        opening, shear = (law.strongest(rest, size) for law in self._pure)
+        return np.minimum(opening[0], shear[0]), np.minimum(opening[1], shear[1]), np.minimum(opening[2], shear[2])
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         return self._pure[0].asymptotic_curvature(sign)
 
     @cached_property
     def _falls(self) -> Array:
-        place, _, last, _ = self._table
-        return np.asarray(self._own["stiffness"] * place / (last - place))
+        onset, _, last, _ = self._table
+        return np.asarray(self._own["stiffness"] * onset / (last - onset))
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
@@ -512,11 +514,11 @@ class KeptModeGlue(ModeDependentGlue):
         return np.where(self._keeps, self.kept, super().mode(r))
 
     def _frozen(self, mode: Array) -> MixedMode:
-        found = super()._frozen(mode)
-        return found if len(mode) < len(self.kept) else found.unloading(self._damage)
+        law = super()._frozen(mode)
+        return law if len(mode) < len(self.kept) else law.unloading(self._damage)
 
-    def _where(self, place: Array) -> tuple[Array, Array]:
-        rho, mode = super()._where(place)
+    def _where(self, opening: Array) -> tuple[Array, Array]:
+        rho, mode = super()._where(opening)
         return rho, np.where(self._keeps, self.kept, mode)
 
     @property
@@ -540,3 +542,36 @@ class KeptModeGlue(ModeDependentGlue):
         live, kept = super().weak_convexity, self._frozen(np.maximum(self.kept, 0.0)).weak_convexity
         normal, tangential = (np.where(self._keeps, own, free) for own, free in zip(kept, live, strict=True))
         return normal, tangential
+
+
+@named(
+    LawKind.NORMAL,
+    "mode-dependent",
+    "bilinear glue with separate fracture energies in opening and shear, by the mode of the solution "
+    "(no potential: solved by fixed point); includes friction",
+    "J(w, v) = Phi_B(w)(rho(v)), with the mode B of the state w",
+)
+@stating(
+    ModeDependentGlue,
+    energy=positive("fracture energy in opening, G_Ic", LINE, 0.969),
+    shear_energy=positive("fracture energy in shear, G_IIc", LINE, 1.719),
+    exponent=positive("eta or p of the criterion", "1", 2.284),
+    criterion=word("how modes mix", BenzeggaghKenane.name, PowerCriterion.name),
+    compression=COMPRESSION,
+)
+def _by_values(
+    strength: Parameter,
+    shear_strength: Parameter,
+    energy: Parameter,
+    shear_energy: Parameter,
+    stiffness: Parameter,
+    exponent: Parameter,
+    criterion: str = "benzeggagh-kenane",
+    shear_stiffness: Parameter | None = None,
+    compression: Parameter | None = None,
+) -> ModeDependentGlue:
+    of = PowerCriterion if criterion == PowerCriterion.name else BenzeggaghKenane
+    shut = Signorini() if compression is None else Compliance(compression)
+    return ModeDependentGlue(
+        strength, shear_strength, stiffness, of(energy, shear_energy, exponent), shear_stiffness, shut
+    )

@@ -1,4 +1,4 @@
-"""The local problem of a mixed-mode law that opens: all its minimisers, from roots that are bracketed on each piece.
+"""The local problem of mixed-mode glue that opens: all minimisers, by a scalar (secular) equation for the secant.
 
 Minimise ``a_n/2 w^2 + a_t/2 |s|^2 - c w - b.s + Phi(rho)`` with ``rho^2 = w^2 + beta^2 |s|^2`` and c > 0.  The slip
 lies along b; with ``m = Phi'(rho)/rho``
@@ -21,9 +21,6 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["OpeningProblem", "rising_roots"]
-
-#: Steps of Newton's method, at most: its iterates rise to the root; and of the bracketed one.
-_SECULAR, _BRACKETED = 100, 120
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +46,13 @@ class OpeningProblem:
     def places(self, m: Array) -> Array:
         """w and sigma (n, k, 2) of secants (n, k)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = self.force[:, None, :] / (self.stiffness[:, None, :] + m[:, :, None])
-        return np.where(self.force[:, None, :] > 0.0, found, 0.0)
+            opening = self.force[:, None, :] / (self.stiffness[:, None, :] + m[:, :, None])
+        return np.where(self.force[:, None, :] > 0.0, opening, 0.0)
 
     def secant(self, rho: Array) -> Array:
         """m >= 0 of ``rho (n, k)``; 0 where rho is beyond that of m = 0."""
         m, target = np.zeros(rho.shape), 1.0 / rho
-        for _ in range(_SECULAR):
+        for _ in range(100):
             now, w, s = self._both(m)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 # 1/rho(m) is concave: Newton's iterates from the left rise to the root
@@ -73,8 +70,8 @@ class OpeningProblem:
         return np.asarray(1e-8 * (self.force.max(axis=1) / self.knots[:, -1])[:, None])
 
     def _both(self, m: Array) -> tuple[Array, Array, Array]:
-        place = self.places(m)
-        return np.hypot(place[..., 0], place[..., 1]), place[..., 0], place[..., 1]
+        opening = self.places(m)
+        return np.hypot(opening[..., 0], opening[..., 1]), opening[..., 0], opening[..., 1]
 
     def take(self, rows: IntArray) -> OpeningProblem:
         """Some of the problems, each as often as it is named."""
@@ -111,10 +108,10 @@ class OpeningProblem:
             size = self.rho(turn)
             inside = (turn > 0.0) & (knots[:, :-1] < size) & (size < knots[:, 1:])
         rows, piece = np.nonzero((knots[:, :-1] < free) & (inside | (pulled[:, 1:] & ~pulled[:, :-1])))
-        found = [(np.arange(len(knots)), first), (np.arange(len(knots)), last)]
+        secants = [(np.arange(len(knots)), first), (np.arange(len(knots)), last)]
         if rows.size:
-            found += self._between(rows, piece, np.where(inside, turn, np.nan)[rows, piece], pulled)
-        return _in_rows(len(knots), found)
+            secants += self._between(rows, piece, np.where(inside, turn, np.nan)[rows, piece], pulled)
+        return _in_rows(len(knots), secants)
 
     def _between(self, rows: IntArray, piece: IntArray, turn: Array, pulled: BoolArray) -> list[tuple[IntArray, Array]]:
         """Problems and secants of the minimisers on some pieces, on which u turns at ``turn``, or does not (nan)."""
@@ -125,11 +122,11 @@ class OpeningProblem:
         turns = (low < turn) & (turn < high)
         turn = np.where(turns, turn, low)
         middle = np.where(turns, (turn - q) * self.take(rows).rho(turn) - p <= 0.0, below)
-        found = []
+        secants = []
         for left, right, before, after in ((low, turn, below, middle), (turn, high, middle, above)):
-            one = np.flatnonzero((left < right) & before & ~after)
-            found.append((rows[one], self._roots(rows[one], left[one], right[one], q[one], p[one])))
-        return found
+            at = np.flatnonzero((left < right) & before & ~after)
+            secants.append((rows[at], self._roots(rows[at], left[at], right[at], q[at], p[at])))
+        return secants
 
     def _turn(self, q: Array) -> Array:
         """Where u turns on pieces of these slopes (n, k); nan where it does not."""
@@ -161,7 +158,7 @@ def rising_roots(value: Callable[[Array], tuple[Array, Array, Array]], low: Arra
     """
     eps = np.finfo(float).eps
     m = 0.5 * (low + high)
-    for _ in range(_BRACKETED):
+    for _ in range(120):  # halving alone is through after 64
         u, rate, size = value(m)
         low, high = np.where(u <= 0.0, m, low), np.where(u <= 0.0, high, m)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -174,12 +171,12 @@ def rising_roots(value: Callable[[Array], tuple[Array, Array, Array]], low: Arra
     return m
 
 
-def _in_rows(count: int, found: list[tuple[IntArray, Array]]) -> Array:
+def _in_rows(count: int, parts: list[tuple[IntArray, Array]]) -> Array:
     """Numbers by the rows that they belong to, (count, k), nan where a row has fewer."""
-    rows, numbers = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    rows, numbers = (np.concatenate(pair) for pair in zip(*parts, strict=True))
     order = np.argsort(rows, kind="stable")
     rows, numbers = rows[order], numbers[order]
-    place = np.arange(rows.size) - np.searchsorted(rows, rows)
-    out = np.full((count, int(place.max(initial=-1)) + 1), np.nan)
-    out[rows, place] = numbers
+    column = np.arange(rows.size) - np.searchsorted(rows, rows)
+    out = np.full((count, int(column.max(initial=-1)) + 1), np.nan)
+    out[rows, column] = numbers
     return out

@@ -1,4 +1,4 @@
-"""A normal law with friction that depends on the direction of the slip: an ellipse in place of a disc.
+"""A normal law with orthotropic friction, by the direction of the slip: an ellipse in place of a disc.
 
 With D symmetric, ``j_tau(s) = |D s|``, whose subdifferential at 0 is the ellipse ``E = {D z: |z| <= 1}``.  A local
 problem ``min a/2 |s|^2 - b.s + |D s|`` has the solution ``s = (b - P_E(b))/a`` with the projection on E: in the axes of
@@ -28,8 +28,6 @@ from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths
 
 __all__ = ["OrthotropicLaw", "bounded"]
 
-#: Steps of Newton's method for the projection on an ellipse, at most.
-_STEPS = 60
 #: Part of an axis along the surface below which it has no direction there.
 _UPRIGHT = 1e-6
 #: The first tangential component.
@@ -99,7 +97,7 @@ class OrthotropicLaw(NormalAndFriction):
         directed = [
             (law.friction.ratios, law._heading) if isinstance(law, OrthotropicLaw) else None for law, _ in parts
         ]
-        ratios, headings = zip(*(one or (np.ones(1), _FIRST) for one in directed), strict=True)
+        ratios, headings = zip(*(pair or (np.ones(1), _FIRST) for pair in directed), strict=True)
         counts = [count for _, count in parts]
         stacked = [
             np.concatenate([np.broadcast_to(v, (n, *v.shape[1:])) for v, n in zip(values, counts, strict=True)])
@@ -148,7 +146,7 @@ class OrthotropicLaw(NormalAndFriction):
         x, f = own / scale, half / scale  # half axes of order 1
         theta = np.zeros((len(z), 1))
         outside = (largest[:, 0] > 0.0) & (lengths(x / np.where(f > 0.0, f, 1.0)) > 1.0)
-        for _ in range(_STEPS):
+        for _ in range(60):
             part = x * f / np.where(outside[:, None], f**2 + theta, 1.0)
             size = np.maximum(lengths(part), np.finfo(float).tiny)[:, None]
             slope = ((part / size) ** 2 / np.where(outside[:, None], f**2 + theta, 1.0)).sum(

@@ -22,6 +22,7 @@ from hemivar.laws.coupled.plane_bounds import (
 )
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
 from hemivar.laws.crossings import length_places
+from hemivar.laws.minimisers import AT_ONCE
 from hemivar.laws.parameters import checked_reach
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, VectorLaw, polar
@@ -32,8 +33,6 @@ __all__ = ["OwnCoupledLaw"]
 _NOTHING = 1e-40
 #: Lines of the grid on which the minimisers of a local problem are looked for, to either side, and starts taken of it.
 _GRID, _STARTS = 70, 8
-#: Local problems that are looked at together.
-_TOGETHER = 200
 #: Lengths, as parts of the reach, at which growth far away is looked at.
 _FAR = (1e4, 1e6, 1e8)
 
@@ -111,8 +110,8 @@ class OwnCoupledLaw(VectorLaw):
 
     @cached_property
     def _at_zero(self) -> float:
-        one = np.full(1, tiny(self.reach))
-        return float(self.plane.value(-one, one)[0])
+        near = np.full(1, tiny(self.reach))
+        return float(self.plane.value(-near, near)[0])
 
     def potential_at(self, r: Array, s: Array) -> Array:
         """j at penetrations and lengths of the slip; +inf outside the domain."""
@@ -150,9 +149,9 @@ class OwnCoupledLaw(VectorLaw):
         if seen <= 1e-12 * max(float(np.abs(part).max()) for part in (hessian[0], hessian[2] / ratio**2)):
             seen = 0.0
         if isinstance(self.plane, FormulaPotential):
-            found = proved_alpha(self.plane, self.reach, self.rigid, ratio, seen)
-            if found < np.inf:
-                return found, ratio**2 * found, True
+            bound = proved_alpha(self.plane, self.reach, self.rigid, ratio, seen)
+            if bound < np.inf:
+                return bound, ratio**2 * bound, True
         return seen, ratio**2 * seen, False
 
     # ---- value and subdifferential -----------------------------------------------------------------------
@@ -253,10 +252,10 @@ class OwnCoupledLaw(VectorLaw):
     def _grid(self) -> tuple[Array, Array, Array]:
         """Penetrations (k,), slips (n,) and j (k, n) there."""
         half = np.unique(np.concatenate([np.linspace(0.0, 1.0, _GRID // 2), np.geomspace(1e-4, 1.0, _GRID // 2)]))
-        one = self.reach * half
-        r = -one[::-1] if self.rigid else np.concatenate([-one[:0:-1], one])
-        at = np.meshgrid(r, one, indexing="ij")
-        return r, one, self.potential_at(*(part.ravel() for part in at)).reshape(at[0].shape)
+        slip = self.reach * half
+        r = -slip[::-1] if self.rigid else np.concatenate([-slip[:0:-1], slip])
+        at = np.meshgrid(r, slip, indexing="ij")
+        return r, slip, self.potential_at(*(part.ravel() for part in at)).reshape(at[0].shape)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         flat, force, heading = self._plane_problem(a, b)
@@ -268,8 +267,9 @@ class OwnCoupledLaw(VectorLaw):
         sure = (flat > 1.000001 * np.array([normal, tangential])).all(axis=1)
         sure &= (np.abs(x) <= self.reach).all(axis=1)  # elsewhere nothing is known of the convexity
         rows = np.flatnonzero(~sure)
-        for start in range(0, rows.size, _TOGETHER):
-            some = rows[start : start + _TOGETHER]
+        together = max(1, AT_ONCE // self._grid[2].size)
+        for start in range(0, rows.size, together):
+            some = rows[start : start + together]
             x[some] = self._searched(flat[some], force[some], x[some])
         return self._vector(x, heading)
 
@@ -286,8 +286,8 @@ class OwnCoupledLaw(VectorLaw):
         best = np.argsort(valley, axis=1)[:, :_STARTS]
         used = np.isfinite(np.take_along_axis(valley, best, axis=1))
         row, column = np.nonzero(used)
-        place = best[row, column]
-        starts = np.concatenate([np.column_stack([r[place // s.size], s[place % s.size]]), x, np.zeros(x.shape)])
+        node = best[row, column]
+        starts = np.concatenate([np.column_stack([r[node // s.size], s[node % s.size]]), x, np.zeros(x.shape)])
         owner = np.concatenate([row, np.arange(len(a)), np.arange(len(a))])
         ends = descend(self, a[owner], b[owner], starts)
         energies = (0.5 * a[owner] * ends**2 - b[owner] * ends).sum(axis=1) + self.potential_at(ends[:, 0], ends[:, 1])
@@ -335,8 +335,8 @@ class OwnCoupledLaw(VectorLaw):
 
     def recession(self, direction: Array) -> Array:
         normal, size, _ = self.split(direction)
-        found, back = np.unique(np.column_stack([normal, size]), axis=0, return_inverse=True)
-        grown = [np.inf if self.rigid and r > 0.0 else self._growth(r, s) for r, s in found.tolist()]
+        directions, back = np.unique(np.column_stack([normal, size]), axis=0, return_inverse=True)
+        grown = [np.inf if self.rigid and r > 0.0 else self._growth(r, s) for r, s in directions.tolist()]
         return np.array(grown)[back.ravel()]
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from types import MappingProxyType
 
 from hemivar.basics.arguments import described, one_line
+from hemivar.basics.stated import Form, stated, stating
 from hemivar.errors import ProblemError
 from hemivar.laws.coupled.own_coupled import OwnCoupledLaw
 from hemivar.laws.coupled.plane_potential import FormulaPotential, FunctionPotential, PotentialFunction
-from hemivar.laws.parameters import checked_reach
+from hemivar.laws.named import LawKind, named
+from hemivar.laws.parameters import LENGTH, LINE, checked_reach, parameter, word
 
 __all__ = ["CoupledFormulaLaw", "CoupledFunctionLaw"]
 
@@ -107,3 +109,24 @@ def CoupledFunctionLaw(  # noqa: N802 - a law, named as the others are
             )
     far = checked_reach(reach, f"law '{name}'")
     return OwnCoupledLaw.of(FunctionPotential(potential, gradient, hessian, far, name), far, rigid, name)
+
+
+@named(
+    LawKind.NORMAL,
+    "coupled-formula",
+    "any potential of penetration and slip, as a formula of r (negative: opening) and the length s of"
+    " the slip; includes friction",
+    "j(r, s) = potential",
+)
+@stating(
+    potential=stated(
+        Form.TEXT,
+        "formula of the penetration r and the slip s",
+        unit=LINE,
+        example="0.5*(1 - exp(-(min(r, 0)^2 + 4*s^2)/2e-4)) + 5e3*max(r, 0)^2",
+    ),
+    reach=parameter("length up to which constants and minimisers are computed", LENGTH, 0.1),
+    penetration=word("what resists penetration: the formula, or a rigid foundation", "formula", "rigid"),
+)
+def _by_values(potential: str, reach: float, penetration: str = "formula", where: str = "") -> OwnCoupledLaw:
+    return CoupledFormulaLaw(potential, reach=reach, rigid=penetration == "rigid", where=where)

@@ -1,4 +1,4 @@
-"""Is a potential of penetration and slip a law, and how far from convex is it?  Samples, and proofs by intervals.
+"""Is a potential of penetration and slip a law, and how weakly convex?  Samples, and proofs by interval arithmetic.
 
 A law of this kind has a continuous gradient, but for a jump upwards at r = 0 and a slope f_s >= 0 at s = 0.  Then
 ``f + alpha_n/2 r^2 + alpha_t/2 s^2`` is convex in the penetration and the vector of the slip where the matrix
@@ -21,8 +21,8 @@ from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotentia
 
 __all__ = ["best_ratio", "check_plane_potential", "least_eigenvalues", "proved_alpha", "sample_places", "tiny"]
 
-#: Places on every line that is looked at, and lines; halvings of the parts whose gradient changes most.
-_PLACES, _LINES, _HALVINGS = 240, 13, 44
+#: Places on every line that is looked at, and lines.
+_PLACES, _LINES = 240, 13
 #: Parts of each line that are halved.
 _LOOKED = 24
 #: How far a rise may differ from the integral of the slope: of the rise there, and of the largest slope.
@@ -43,15 +43,15 @@ def _line(reach: float, count: int = _PLACES) -> Array:
     """Places from 0 to the reach, dense towards 0."""
     even = np.linspace(0.0, 1.0, count)
     close = np.geomspace(1e-6, 1.0, count // 2)
-    found = np.unique(np.concatenate([even, close]))
-    found[0] = _TINY
-    return np.asarray(reach * found)
+    parts = np.unique(np.concatenate([even, close]))
+    parts[0] = _TINY
+    return np.asarray(reach * parts)
 
 
 def sample_places(reach: float, rigid: bool, count: int = 61) -> tuple[Array, Array]:
     """Penetrations and slips (k,) on a grid up to the reach, on both sides of r = 0 and dense towards 0."""
-    one = _line(reach, count)
-    r, s = np.meshgrid(-one[::-1] if rigid else np.concatenate([-one[::-1], one]), one, indexing="ij")
+    line = _line(reach, count)
+    r, s = np.meshgrid(-line[::-1] if rigid else np.concatenate([-line[::-1], line]), line, indexing="ij")
     return r.ravel(), s.ravel()
 
 
@@ -88,8 +88,8 @@ def check_plane_potential(f: PlanePotential, reach: float, rigid: bool) -> tuple
     return kinked, bool((first > _JUMP * size).any()), size
 
 
-def _shown(place: float, reach: float) -> str:
-    return f"{0.0 if abs(place) <= 1e-9 * reach else place:.4g}"
+def _shown(r: float, reach: float) -> str:
+    return f"{0.0 if abs(r) <= 1e-9 * reach else r:.4g}"
 
 
 def _jump_at_zero(f: PlanePotential, reach: float, size: float) -> bool:
@@ -111,14 +111,14 @@ def _jump_at_zero(f: PlanePotential, reach: float, size: float) -> bool:
 
 def _lines(reach: float, rigid: bool) -> list[Array]:
     """Places (k, 2) along lines: along r on either side of 0, along s, and aslant."""
-    one, some = _line(reach), _line(reach, _LINES)
-    found = []
+    line, some = _line(reach), _line(reach, _LINES)
+    lines = []
     for side in (-1.0,) if rigid else (-1.0, 1.0):
         for fixed in some:
-            found.append(np.column_stack([side * one, np.full(one.size, fixed)]))
-            found.append(np.column_stack([np.full(one.size, side * fixed), one]))
-        found += [one[:, None] * np.array([side, slope]) / max(1.0, slope) for slope in (0.3, 1.0, 3.0)]
-    return found
+            lines.append(np.column_stack([side * line, np.full(line.size, fixed)]))
+            lines.append(np.column_stack([np.full(line.size, side * fixed), line]))
+        lines += [line[:, None] * np.array([side, slope]) / max(1.0, slope) for slope in (0.3, 1.0, 3.0)]
+    return lines
 
 
 def _check_line(f: PlanePotential, places: Array, reach: float, size: float) -> None:
@@ -127,7 +127,7 @@ def _check_line(f: PlanePotential, places: Array, reach: float, size: float) -> 
     low, high = (np.stack(f.gradient(x[:, 0], x[:, 1]), axis=1) for x in (start, end))
     looked = np.argsort(-np.abs(high - low).max(axis=1))[:_LOOKED]
     first, last, low, high = start[looked], end[looked], low[looked], high[looked]
-    for _ in range(_HALVINGS):
+    for _ in range(44):  # the ends of a part are 1e-16 of the reach apart then
         middle = 0.5 * (first + last)
         at_middle = np.stack(f.gradient(middle[:, 0], middle[:, 1]), axis=1)
         left = (np.abs(at_middle - low).max(axis=1) >= np.abs(high - at_middle).max(axis=1))[:, None]
@@ -184,8 +184,8 @@ def best_ratio(hessian: tuple[Array, Array, Array]) -> float:
 
     logs = np.linspace(-7.0, 7.0, 57)
     best = float(logs[int(np.argmin([both(log) for log in logs.tolist()]))])
-    found = minimize_scalar(both, bounds=(best - 0.25, best + 0.25), method="bounded", options={"xatol": 1e-9})
-    return start * float(np.exp(found.x if found.fun <= both(best) else best))
+    least = minimize_scalar(both, bounds=(best - 0.25, best + 0.25), method="bounded", options={"xatol": 1e-9})
+    return start * float(np.exp(least.x if least.fun <= both(best) else best))
 
 
 def proved_alpha(f: FormulaPotential, reach: float, rigid: bool, ratio: float, seen: float) -> float:
@@ -206,10 +206,10 @@ def proved_alpha(f: FormulaPotential, reach: float, rigid: bool, ratio: float, s
     for own, side in zip(whole, sides, strict=True):
         low, high = (-reach, 0.0) if side < 0.0 else (0.0, reach)
         with np.errstate(over="ignore"):
-            found = enclosed_range(
+            enclosed = enclosed_range(
                 _least_on_boxes(f, own, ratio), np.array([low, 0.0]), np.array([high, reach]), _everywhere
             )
-        bound = max(bound, -found.lower)
+        bound = max(bound, -enclosed.lower)
     scale = max(seen, _JUMP * float(np.abs(f.hessian(*sample_places(reach, rigid, 9))[0]).max()))
     return bound if bound <= _TIGHT * seen + 0.01 * scale else np.inf
 
@@ -224,9 +224,9 @@ def _least_on_boxes(f: FormulaPotential, own: tuple[int, ...], ratio: float) -> 
         sides = {"r": (low[:, 0], high[:, 0]), "s": (low[:, 1], high[:, 1])}
         below, above = [], []
         for node, scale in zip(own[3:], (1.0, ratio, ratio**2), strict=True):
-            one = enclosed_on_boxes(f.graph, node, sides)
-            below.append(one[0] / scale)
-            above.append(one[1] / scale)
+            enclosed = enclosed_on_boxes(f.graph, node, sides)
+            below.append(enclosed[0] / scale)
+            above.append(enclosed[1] / scale)
         with np.errstate(invalid="ignore"):
             cross = np.maximum(np.abs(below[1]), np.abs(above[1]))
             least = np.where((below[1] <= 0.0) & (above[1] >= 0.0), 0.0, np.minimum(np.abs(below[1]), np.abs(above[1])))
@@ -246,8 +246,8 @@ def _smooth_node(f: FormulaPotential, reach: float, side: float) -> int | None:
     """The branch that holds for all r of one side and all s within the reach, if that is one and shown."""
     near = _TINY * reach
     r, s = side * np.geomspace(near, reach, 40), np.geomspace(near, reach, 40)[::-1]
-    found = np.unique(f.graph.branches_at(f.nodes[0], {"r": r, "s": s}))
-    if found.size != 1:
+    branches = np.unique(f.graph.branches_at(f.nodes[0], {"r": r, "s": s}))
+    if branches.size != 1:
         return None
     ends = np.sort(np.array([0.0, side * reach]))
     sides = {"r": (ends[:1], ends[1:]), "s": (np.zeros(1), np.array([reach]))}
@@ -255,7 +255,7 @@ def _smooth_node(f: FormulaPotential, reach: float, side: float) -> int | None:
         below, above = enclosed_on_boxes(f.graph, node, sides)
         if not (below[0] >= 0.0 or above[0] <= 0.0):
             return None
-    return int(found[0])
+    return int(branches[0])
 
 
 def _at_edge(f: FormulaPotential, node: int, r: Pair, s: Pair) -> Pair:

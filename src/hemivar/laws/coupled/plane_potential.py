@@ -23,7 +23,7 @@ __all__ = ["FormulaPotential", "FunctionPotential", "PlanePotential", "Potential
 
 #: What a user gives: arrays r and s of one shape in, values out.
 PotentialFunction = Callable[[Array, Array], ArrayLike]
-#: Step of differences, as a part of the reach.
+#: Step of central differences, as a part of the reach: near the cube root of rounding, where their error is least.
 _STEP = 1e-6
 #: Poles nearer to r = 0 or s = 0 than this part of the reach are not looked for.
 _NEAR = 1e-9
@@ -83,21 +83,21 @@ class FormulaPotential:
     def refuse_pole(self, reach: float, rigid: bool) -> None:
         """Refuse a pole away from r = 0 and s = 0, up to the reach."""
         near = _NEAR * reach
-        one = np.geomspace(near, reach, 20)
-        r, s = (x.ravel() for x in np.meshgrid(one, one))
+        line = np.geomspace(near, reach, 20)
+        r, s = (x.ravel() for x in np.meshgrid(line, line))
         for sign in (-1.0,) if rigid else (-1.0, 1.0):
-            held = np.unique(self.graph.branches_at(self.nodes[0], {"r": sign * r, "s": s}))
-            node = int(held[0]) if held.size == 1 else self.nodes[0]
+            branches = np.unique(self.graph.branches_at(self.nodes[0], {"r": sign * r, "s": s}))
+            node = int(branches[0]) if branches.size == 1 else self.nodes[0]
             low, high = sorted((sign * near, sign * reach))
             sides = {"r": (low, high), "s": (near, reach)}
-            found = pole_in_box(self.graph, node, sides, lambda at: at[:, 1] > 0.0)
-            if found is not None:
-                raise ProblemError(f"{self.shown} {pole_words(found)}; or take a smaller reach")
+            pole = pole_in_box(self.graph, node, sides, lambda at: at[:, 1] > 0.0)
+            if pole is not None:
+                raise ProblemError(f"{self.shown} {pole_words(pole)}; or take a smaller reach")
 
     def _of(self, node: int, r: Array, s: Array) -> Array:
         with np.errstate(all="ignore"):
-            found = np.asarray(self.graph.value(node, {"r": r, "s": s}), dtype=float)
-        return np.broadcast_to(found, r.shape)
+            values = np.asarray(self.graph.value(node, {"r": r, "s": s}), dtype=float)
+        return np.broadcast_to(values, r.shape)
 
     def value(self, r: Array, s: Array) -> Array:
         return self._of(self.nodes[0], r, s)

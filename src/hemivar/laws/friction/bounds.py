@@ -1,4 +1,4 @@
-"""Friction bounds that depend on the state of the contact point: its penetration or its pressure.
+"""State-dependent friction bounds (Coulomb and others): by the penetration or the pressure of the contact point.
 
 With such a bound the law is a function of two arguments, J(w, v): it is frozen at a state w, which leaves an
 ordinary law in v (:meth:`hemivar.laws.ContactLaw.frozen`), and the state is iterated.
@@ -300,7 +300,7 @@ class PenetrationBound(StateBound):
             switches, sure = self.source.switches(self.reach)
             ends = np.concatenate([[-2.0 * self.reach], switches, [2.0 * self.reach]])
             branches = self.source.branches(0.5 * (ends[1:] + ends[:-1]))
-            return sure and all(one.graph.constant(one.derivative().node) for one in branches)
+            return sure and all(branch.graph.constant(branch.derivative().node) for branch in branches)
         return not callable(self.source)
 
     @cached_property
@@ -346,15 +346,15 @@ def _check_rows(s: Array, bound: Array) -> None:
     ]
     broken = [(int(np.argmax(bad)), words) for bad, words in rules if bad.any()]
     if broken:
-        row, words = min(broken, key=lambda one: one[0])
+        row, words = min(broken, key=lambda fault: fault[0])
         raise ProblemError(f"friction bound, row {row + 1}: {words(row)}")
 
 
-def _refuse_pole(formula: ScalarFormula, found: Pole | None) -> None:
+def _refuse_pole(formula: ScalarFormula, pole: Pole | None) -> None:
     """Refuse a formula for a place that was found."""
-    if found is not None and found.sure:
-        where = "; write max(s, 0) for s where there is no contact" if found.place < 0.0 else ""
-        raise ProblemError(f"{formula.shown} {found.words('s')}{where}")
+    if pole is not None and pole.sure:
+        where = "; write max(s, 0) for s where there is no contact" if pole.place < 0.0 else ""
+        raise ProblemError(f"{formula.shown} {pole.words('s')}{where}")
 
 
 def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
@@ -368,8 +368,8 @@ def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
     branches = formula.branches(0.5 * (inner[1:] + inner[:-1]))
     near = np.clip(ends, -reach, reach)
     _refuse_pole(formula, pole_of_pieces(branches, near, reach))
-    for i, place in enumerate(switches):
-        at = np.array([place])
+    for i, switch in enumerate(switches):
+        at = np.array([switch])
         left, right = (max(float(branch(at)[0]), 0.0) for branch in branches[i : i + 2])
         if not abs(right - left) <= 1e-9 * (abs(left) + abs(right)) + 1e-300:
             return np.inf, True
@@ -383,11 +383,11 @@ def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
             f"least 0 where the body penetrates"
         )
     for within in (ends, near):
-        found = [supremum_of_pieces(branches, within, reach, order=1, sign=sign) for sign in (1.0, -1.0)]
-        bound, seen = max(one.bound for one in found), max(one.seen for one in found)
+        suprema = [supremum_of_pieces(branches, within, reach, order=1, sign=sign) for sign in (1.0, -1.0)]
+        bound, seen = max(supremum.bound for supremum in suprema), max(supremum.seen for supremum in suprema)
         if bound < np.inf and (bound <= 1.01 * seen or within is near):
             return bound, sure and within is ends
-    return max(one.seen for one in found), False
+    return max(supremum.seen for supremum in suprema), False
 
 
 def _interpolate(s: Array, bound: Array, x: Array) -> Array:
@@ -489,10 +489,10 @@ class StackedBound(StateBound):
 
     @property
     def knots(self) -> Array:
-        found = [part.knots for part in self.parts]
-        out = np.full((self._count, max(one.shape[1] for one in found)), np.inf)
-        for one, index in zip(found, self.indices, strict=True):
-            out[index, : one.shape[1]] = one
+        tables = [part.knots for part in self.parts]
+        out = np.full((self._count, max(table.shape[1] for table in tables)), np.inf)
+        for table, index in zip(tables, self.indices, strict=True):
+            out[index, : table.shape[1]] = table
         return out
 
     @property

@@ -1,4 +1,4 @@
-"""Friction laws: radial in the slip vector, h_tau j_tau(|u_tau|), the same in two and three dimensions."""
+"""Friction laws h_tau j_tau(|u_tau|), radial in the slip vector: Tresca, Coulomb and slip-dependent ones."""
 
 from __future__ import annotations
 
@@ -206,7 +206,7 @@ def _check_profile(profile: Superpotential) -> None:
 
 def _check_one(profile: Superpotential) -> None:
     """The same for the profile of one contact point."""
-    one, knots = profile, profile.knots[0]
+    law, knots = profile, profile.knots[0]
     largest = float(np.abs(knots[np.isfinite(knots)]).max(initial=0.0))
     size = 2.0 * largest if largest > 0.0 else 1.0
     positive = knots[(knots > 0.0) & np.isfinite(knots)]
@@ -217,9 +217,9 @@ def _check_one(profile: Superpotential) -> None:
     s = np.concatenate([ends[1:] - step, ends[:-1] + step, 0.5 * (ends[1:] + ends[:-1])])
     s = s[s > 0.0]
     with np.errstate(all="ignore"):
-        forward, backward = one.derivative(s), one.derivative(-s)
-        inside = (s <= one.domain.upper) & (-s >= one.domain.lower)
-    if float(one.domain.upper.ravel()[0]) != -float(one.domain.lower.ravel()[0]):
+        forward, backward = law.derivative(s), law.derivative(-s)
+        inside = (s <= law.domain.upper) & (-s >= law.domain.lower)
+    if float(law.domain.upper.ravel()[0]) != -float(law.domain.lower.ravel()[0]):
         raise ProblemError(f"law '{profile.name}' ends on one side; a friction law must be even")
     scale = float(np.abs(forward[inside & np.isfinite(forward)]).max(initial=0.0))
     uneven = inside & ~(np.abs(forward + backward) <= 1e-6 * (np.abs(forward) + 1e-3 * scale))

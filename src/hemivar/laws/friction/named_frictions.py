@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from types import MappingProxyType
 
-from hemivar.basics.stated import stating
+from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Parameter
 from hemivar.laws.friction.bounds import CoulombBound, StateBound
-from hemivar.laws.friction.friction_law import Friction, SlipMeasure
+from hemivar.laws.friction.friction_law import Friction, OrthotropicFriction, SlipMeasure
 from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening, StaticKineticProfile
-from hemivar.laws.own.table_law import check_points, even_table
-from hemivar.laws.parameters import FRICTION, LENGTH, numbers, parameter
+from hemivar.laws.named import LawKind, named
+from hemivar.laws.own.formula_law import FORMULA, FormulaLaw
+from hemivar.laws.own.table_law import EXTEND, TABLE, check_points, even_table, read_law_table
+from hemivar.laws.parameters import FRICTION, LENGTH, numbers, parameter, positive
 
 __all__ = ["Coulomb", "Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKinetic", "Tresca"]
 
 
+@named(
+    LawKind.FRICTION,
+    "tresca",
+    "friction of at most bound; where the body slips it has this size and opposes the slip",
+    "j(s) = bound |s|",
+)
 @stating(**FRICTION)
 def Tresca(  # noqa: N802 - a law, named as the others are
     bound: Parameter | StateBound, *, of: SlipMeasure | str | None = None
@@ -43,6 +52,12 @@ def Tresca(  # noqa: N802 - a law, named as the others are
     return Friction(bound, of=of)
 
 
+@named(
+    LawKind.FRICTION,
+    "coulomb",
+    "friction of at most coefficient times the pressure (quasi-variational: the bound is iterated)",
+    "j(s) = coefficient pressure |s|",
+)
 @stating(coefficient=parameter("friction coefficient mu", "1", 0.3, least=0.0), **FRICTION)
 def Coulomb(  # noqa: N802 - a law, named as the others are
     coefficient: Parameter, *, of: SlipMeasure | str | None = None
@@ -70,6 +85,12 @@ def Coulomb(  # noqa: N802 - a law, named as the others are
     return Friction(CoulombBound(coefficient), of=of)
 
 
+@named(
+    LawKind.FRICTION,
+    "none",
+    "no friction",
+    "j(s) = 0",
+)
 def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
     """No friction.
 
@@ -80,6 +101,12 @@ def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
     return Friction(0.0)
 
 
+@named(
+    LawKind.FRICTION,
+    "slip-weakening",
+    "friction that falls with the slip from bound static to bound kinetic, exponentially",
+    "j(s) = bound (kinetic |s| - (static - kinetic)/rate (exp(-rate |s|) - 1))",
+)
 @stating(ExponentialWeakening, **FRICTION)
 def SlipWeakening(  # noqa: N802 - a law, named as the others are
     bound: Parameter | StateBound,
@@ -121,6 +148,12 @@ def SlipWeakening(  # noqa: N802 - a law, named as the others are
     return Friction(bound, ExponentialWeakening(static, kinetic, rate), of=of)
 
 
+@named(
+    LawKind.FRICTION,
+    "logarithmic",
+    "friction bound/(scale + slip), which falls to zero with the slip",
+    "j(s) = bound ln(1 + |s|/scale)",
+)
 @stating(LogarithmicWeakening, **FRICTION)
 def Logarithmic(  # noqa: N802 - a law, named as the others are
     bound: Parameter | StateBound, scale: Parameter = 1.0, *, of: SlipMeasure | str | None = None
@@ -144,6 +177,12 @@ def Logarithmic(  # noqa: N802 - a law, named as the others are
     return Friction(bound, LogarithmicWeakening(scale), of=of)
 
 
+@named(
+    LawKind.FRICTION,
+    "static-kinetic",
+    "friction bound static up to a slip, from there at once bound kinetic",
+    "j'(s) = bound static for 0 < s < slip, bound kinetic beyond",
+)
 @stating(StaticKineticProfile, **FRICTION)
 def StaticKinetic(  # noqa: N802
     bound: Parameter | StateBound,
@@ -176,6 +215,13 @@ def StaticKinetic(  # noqa: N802
     return Friction(bound, StaticKineticProfile(slip, static, kinetic), of=of)
 
 
+@named(
+    LawKind.FRICTION,
+    "slip-table",
+    "friction bound times a table of the slip, linear between its points and constant beyond; a "
+    "repeated slip is a jump",
+    "j'(s) = bound values(s)",
+)
 @stating(
     slips=numbers("from 0 on, increasing", LENGTH, (0.0, 0.2)),
     values=numbers("factors of the bound there", "1", (1.0, 0.5)),
@@ -208,3 +254,58 @@ def SlipTable(  # noqa: N802
     r, d = check_points(slips, values, "slips of law 'slip-table'", friction=True)
     stated = MappingProxyType({"law": "slip-table", "slips": r, "values": d})
     return Friction(bound, even_table(r, d, name="slip-table", stated=stated), of=of)
+
+
+@named(
+    LawKind.FRICTION,
+    "orthotropic",
+    "friction of at most bound along an axis of the surface and ratio bound across it, in 3D",
+    "j(s) = bound sqrt(s1^2 + ratio^2 s2^2)",
+)
+@stating(
+    bound=FRICTION["bound"],
+    ratio=positive("bound across the axis over that along it", "1", 0.5),
+    axis=numbers("a direction; its projection on the surface is the axis", "1", (1.0, 0.0, 0.0)),
+)
+def _orthotropic(bound: Parameter | StateBound, ratio: Parameter, axis: Sequence[float]) -> Friction:
+    return OrthotropicFriction(bound, ratio=ratio, axis=axis)
+
+
+@named(
+    LawKind.FRICTION,
+    "table",
+    "friction bound times a CSV file with the columns r (slip >= 0) and derivative; the same in both directions",
+    "j' from a table",
+)
+@stating(file=TABLE, extend=EXTEND, **FRICTION)
+def _table(
+    file: str | Path, bound: Parameter | StateBound = 1.0, extend: str = "constant", of: str | None = None
+) -> Friction:
+    return Friction(bound, read_law_table(file, extend=extend, friction=True), of=of)
+
+
+@named(
+    LawKind.FRICTION,
+    "formula",
+    "friction from any potential or its derivative, as a formula of the slip r >= 0; the same in both directions",
+    "j(s) = bound potential(|s|)",
+)
+@stating(
+    potential=stated(Form.TEXT, "formula of the slip r >= 0", unit=LENGTH, example="log(1 + r)"),
+    derivative=stated(
+        Form.TEXT, "formula of the friction over the bound, in place of potential", unit="1", instead="potential"
+    ),
+    **FORMULA,
+    **FRICTION,
+)
+def _formula(
+    potential: str | None = None,
+    derivative: str | None = None,
+    bound: Parameter | StateBound = 1.0,
+    kinks: Sequence[float] = (),
+    reach: float = 10.0,
+    where: str = "",
+    of: str | None = None,
+) -> Friction:
+    law = FormulaLaw(potential, derivative=derivative, kinks=kinks, reach=reach, even=True, where=where)
+    return Friction(bound, law, of=of)

@@ -1,4 +1,4 @@
-"""Memories that act beside a law: a bond that fades, a foundation that remembers its penetration, a damper."""
+"""Memories in parallel with a law: a bond that fades, a foundation that remembers its penetration, a damper."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ class DampedContact(Memory):
         self, law: VectorLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         """The work of what the law does not give; when the damper is cut off, springs that relax by themselves lose."""
-        way, there = r[:, 0] - step.before[:, 0], r.copy()
-        there[:, 0] = step.before[:, 0] + step.at * way
+        increment, there = r[:, 0] - step.before[:, 0], r.copy()
+        there[:, 0] = step.before[:, 0] + step.at * increment
         bound = law.pressures(there)
-        return np.asarray((lam[:, 0] - np.clip(lam[:, 0], bound.lower, bound.upper)) * way)
+        return np.asarray((lam[:, 0] - np.clip(lam[:, 0], bound.lower, bound.upper)) * increment)

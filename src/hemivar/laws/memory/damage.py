@@ -1,4 +1,4 @@
-"""Memories of what is broken or worn down by use: the largest opening of glue, the sum of the slip."""
+"""Damage and wear as internal variables: the largest opening of glue, the sum of the slip."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ class Secant(Memory):
         return glue_of(law).softened(state)
 
     def damage(self, law: VectorLaw, state: MemoryState) -> Array | None:
-        told = law.debonding(np.zeros((len(state["opening"]), 2))).get("damage")
-        return None if told is None or np.isnan(told).any() else glue_of(law).lost_by(state)
+        own = law.debonding(np.zeros((len(state["opening"]), 2))).get("damage")
+        return None if own is None or np.isnan(own).any() else glue_of(law).lost_by(state)
 
     def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         return glue_of(law).unloading_energy(state, r, energy_of(law, inner))

@@ -35,9 +35,6 @@ from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["PlasticBond"]
 
-#: Halvings of the way of a step on which a bond breaks.
-_HALVINGS = 60
-
 
 @dataclass(frozen=True, eq=False)
 class PlasticBond(Memory):
@@ -127,7 +124,7 @@ class PlasticBond(Memory):
 
     def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> ShiftedLaw:
         """The law of the whole displacement with the bonds that hold at the last iterate, plastic slip minimised."""
-        bonded = self._held(state, step.before if step.guess is None else step.guess)
+        bonded = self._bonded(state, step.before if step.guess is None else step.guess)
         v, m, plastic = self.values(), len(bonded), state["plastic_slip"]
         shear, opening = (np.where(bonded, v[what], 0.0) for what in ("shear_stiffness", "stiffness"))
         zero, none = np.zeros((m, 1)), np.zeros(m)
@@ -142,7 +139,7 @@ class PlasticBond(Memory):
         base = ContactLaw(plus(self.parts_of(law).normal, springs), Friction(1.0, profile))
         return ShiftedLaw(base, ratio[:, None] * plastic, pull[:, None] * plastic)
 
-    def _held(self, state: MemoryState, r: Array) -> BoolArray:
+    def _bonded(self, state: MemoryState, r: Array) -> BoolArray:
         """Bonds (m,) that hold at ``r (m, c)``."""
         energy = self._bond_energy(self._plastic(state, r), r)
         return np.asarray((state["bond"] > 0.0) & (energy < self.values()["energy"]))
@@ -165,19 +162,19 @@ class PlasticBond(Memory):
     def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         """A bond that breaks keeps the plastic slip it had there, on the straight way of the step."""
         end = r.copy()
-        held = self._held(state, end)
-        broke = (state["bond"] > 0.0) & ~held
+        bonded = self._bonded(state, end)
+        broke = (state["bond"] > 0.0) & ~bonded
         if broke.any():
             end[broke] = self._at_break(state, step.before, end)[broke]
-        return kept(bond=held.astype(float), plastic_slip=self._plastic(state, end))
+        return kept(bond=bonded.astype(float), plastic_slip=self._plastic(state, end))
 
     def _at_break(self, state: MemoryState, start: Array, end: Array) -> Array:
         """Where on the way the energy of bonds reaches that of a break, (m, c)."""
         low, high = np.zeros((len(end), 1)), np.ones((len(end), 1))
-        for _ in range(_HALVINGS):
+        for _ in range(60):  # to rounding
             middle = 0.5 * (low + high)
-            held = self._held(state, start + middle * (end - start))[:, None]
-            low, high = np.where(held, middle, low), np.where(held, high, middle)
+            bonded = self._bonded(state, start + middle * (end - start))[:, None]
+            low, high = np.where(bonded, middle, low), np.where(bonded, high, middle)
         return np.asarray(start + high * (end - start))
 
     def past_peak(self, law: VectorLaw, state: MemoryState) -> BoolArray:

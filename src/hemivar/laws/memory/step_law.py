@@ -1,4 +1,4 @@
-"""Several memories at the same contact points, and the law of a step with them, with rates and with damping."""
+"""The incremental law of a time step: several memories at the same points, with rates and with damping."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class MemoryChain(Memory):
         for part in parts:
             if not isinstance(part, Memory):
                 raise ProblemError(f"a memory of contact points is one such as Secant(), not {described(part)}")
-        for one in ("of_slip", "takes_friction"):
-            names = [part.name for part in parts if getattr(part, one, False)]
+        for what in ("of_slip", "takes_friction"):
+            names = [part.name for part in parts if getattr(part, what, False)]
             if len(names) > 1:
                 raise ProblemError(f"the memories {' and '.join(names)} both define the friction law; leave one out")
         for part in parts[:-1]:
@@ -125,8 +125,8 @@ class MemoryChain(Memory):
         return np.asarray(np.logical_or.reduce(np.broadcast_arrays(np.zeros(1, dtype=bool), *own)))
 
     def damage(self, law: VectorLaw, state: MemoryState) -> Array | None:
-        found = (part.damage(law, self._own(state, i)) for i, part in enumerate(self.parts))
-        return next((one for one in found if one is not None), None)
+        damages = (part.damage(law, self._own(state, i)) for i, part in enumerate(self.parts))
+        return next((lost for lost in damages if lost is not None), None)
 
     def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         energy = energy_of(law, inner)

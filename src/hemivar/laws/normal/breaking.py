@@ -17,6 +17,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.parameters import COMPRESSION, LENGTH, LINE, PRESSURE, RATE, evaluate, numbers, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
@@ -24,6 +25,12 @@ from hemivar.laws.piecewise import PiecewiseQuadratic
 __all__ = ["Adhesive", "Capped", "Layered", "SawTooth", "Softening"]
 
 
+@named(
+    LawKind.NORMAL,
+    "softening",
+    "springs that push up to the penetration limit, then soften gradually to zero",
+    "j'(r) = stiffness r up to limit, then stiffness limit - softening (r - limit) down to 0",
+)
 @dataclass(frozen=True, eq=False)
 class Softening(NamedLaw):
     """Springs that push up to a penetration, then give way gradually.
@@ -64,6 +71,12 @@ class Softening(NamedLaw):
         )
 
 
+@named(
+    LawKind.NORMAL,
+    "capped",
+    "springs that push up to the penetration limit and break there (residual 0) or yield (residual 1)",
+    "j'(r) = stiffness r for 0 <= r <= limit, residual stiffness limit beyond",
+)
 @dataclass(frozen=True, eq=False)
 class Capped(NamedLaw):
     """Springs that push up to a penetration and break there.
@@ -96,6 +109,13 @@ class Capped(NamedLaw):
         )
 
 
+@named(
+    LawKind.NORMAL,
+    "adhesive",
+    "glue: tension stiffness w at the opening w = -r up to strength; then it breaks at once or, with "
+    "softening, gradually",
+    "j'(r) = stiffness r for -strength/stiffness < r < 0; compression r, or rigid, for r > 0",
+)
 @dataclass(frozen=True, eq=False)
 class Adhesive(NamedLaw):
     """Glue with a finite tensile strength.
@@ -198,6 +218,12 @@ def _same_length(what: str, numbers: Array, count: int, reason: str) -> Array:
     return numbers
 
 
+@named(
+    LawKind.NORMAL,
+    "layered",
+    "layers that yield one after the other, each with its own stiffness, and lose pressure at their lower end",
+    "j'' = stiffnesses[i] within layer i; j' falls by drops[i] at its lower end",
+)
 @stating(
     thicknesses=numbers("of the layers, from the surface down", LENGTH, (0.05, 0.1)),
     stiffnesses=numbers("of the layers", RATE, (10.0, 4.0)),
@@ -256,6 +282,12 @@ def Layered(  # noqa: N802 - a law, named as the others are
     return PiecewiseQuadratic(knots, slopes, jumps, upper=upper, name="layered", stated=MappingProxyType(stated))
 
 
+@named(
+    LawKind.NORMAL,
+    "saw-tooth",
+    "delamination in steps: a tension against the opening w = -r that falls at once at each of the openings",
+    "j'(-w) = -(slopes[i] w + offsets[i]) up to openings[i], 0 beyond the last",
+)
 @stating(
     openings=numbers("at which the tension falls, increasing", LENGTH, (1.0, 2.0)),
     slopes=numbers("of the tension on each tooth", RATE, (3.0, 1.0)),

@@ -1,4 +1,4 @@
-"""Monotone normal laws: foundations that push back the more, the farther the body goes in, and rigid ones."""
+"""Monotone normal laws: springs and power laws (normal compliance), and the rigid foundation (Signorini)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray, Parameter
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.parameters import LENGTH, PRESSURE, RATE, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
@@ -20,6 +21,12 @@ _ZERO = np.zeros((1, 1))
 _FLAT = np.zeros((1, 2))
 
 
+@named(
+    LawKind.NORMAL,
+    "survey",
+    "rigid up to the pressure q_max, beyond it linearly compliant with stiffness p_const",
+    "j(r) = 0 for r < 0, q_max r + p_const r^2/2 for r >= 0",
+)
 @dataclass(frozen=True, eq=False)
 class ThresholdCompliance(NamedLaw):
     """The survey's normal law: j(r) = 0 for r < 0, p_const/2 r^2 + q_max r for r >= 0 (section 5.1).
@@ -52,6 +59,12 @@ class ThresholdCompliance(NamedLaw):
         )
 
 
+@named(
+    LawKind.NORMAL,
+    "signorini",
+    "rigid foundation: no penetration, no tension",
+    "j(r) = 0 for r <= 0, +inf for r > 0",
+)
 @dataclass(frozen=True, eq=False)
 class Signorini(NamedLaw):
     """Rigid foundation: j(r) = 0 for r <= 0, +inf for r > 0 (unilateral contact, no penalty).
@@ -69,6 +82,12 @@ class Signorini(NamedLaw):
         return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, upper=0.0, name=self.name)
 
 
+@named(
+    LawKind.NORMAL,
+    "bilateral",
+    "neither separation nor penetration, with any pressure or tension",
+    "j(r) = 0 for r = 0, +inf otherwise",
+)
 @dataclass(frozen=True, eq=False)
 class Bilateral(NamedLaw):
     """No separation and no penetration: r = 0, with any pressure."""
@@ -79,6 +98,12 @@ class Bilateral(NamedLaw):
         return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, lower=0.0, upper=0.0, name=self.name)
 
 
+@named(
+    LawKind.NORMAL,
+    "none",
+    "no foundation in the normal direction",
+    "j(r) = 0",
+)
 @dataclass(frozen=True, eq=False)
 class NoContact(NamedLaw):
     """No foundation at all: j = 0."""
@@ -89,6 +114,12 @@ class NoContact(NamedLaw):
         return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, name=self.name)
 
 
+@named(
+    LawKind.NORMAL,
+    "compliance",
+    "springs that push only: pressure stiffness * r^exponent for penetration r > 0",
+    "j(r) = stiffness/(exponent + 1) max(r, 0)^(exponent + 1)",
+)
 @dataclass(frozen=True, eq=False)
 class Compliance(ParameterLaw):
     """Normal compliance: pressure ``stiffness * r^exponent`` for penetration r > 0, none for r <= 0.
@@ -169,6 +200,12 @@ class Compliance(ParameterLaw):
         return Compliance(np.atleast_1d(factor) * c, p)
 
 
+@named(
+    LawKind.NORMAL,
+    "finite-penetration",
+    "springs that push, and turn rigid at the penetration limit",
+    "j(r) = stiffness/2 max(r, 0)^2 for r <= limit, +inf beyond",
+)
 @dataclass(frozen=True, eq=False)
 class FinitePenetration(NamedLaw):
     """Springs that turn rigid: pressure ``stiffness r`` for 0 <= r < ``limit``, any larger one at r = ``limit``.

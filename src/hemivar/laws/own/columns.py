@@ -1,4 +1,4 @@
-"""Two columns of numbers from a CSV file, found by their names."""
+"""Reads two named columns of numbers from a CSV file: the graph of a law."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _named(
     path: str | Path, number: int, head: Sequence[str], names: tuple[Sequence[str], Sequence[str]]
 ) -> tuple[int, int]:
     """Which columns carry the names."""
-    found = []
+    columns = []
     for known in names:
         here = [k for k, cell in enumerate(head) if cell.strip("\"' ").casefold() in {n.strip("'") for n in known}]
         if len(here) != 1:
@@ -96,8 +96,8 @@ def _named(
                 f"{shown(path)}, line {number}: {wrong} named {known[0]}; name the columns {names[0][0]} and "
                 f"{names[1][0]}, in any order, or give two columns without names (the line has {len(head)})"
             )
-        found.append(here[0])
-    return found[0], found[1]
+        columns.append(here[0])
+    return columns[0], columns[1]
 
 
 def _refused(
@@ -119,8 +119,8 @@ def _refused(
             f"numbers, {names[0][0]} and {names[1][0]} (write decimal points, not commas)"
         )
     read = [cell for cell in cells if _NUMBER.fullmatch(cell)]
-    found = f" (found: {_short(' '.join(read))})" if read else ""
-    return ProblemError(f"{where}: these are not two numbers, {names[0][0]} and {names[1][0]}{found}")
+    seen = f" (found: {_short(' '.join(read))})" if read else ""
+    return ProblemError(f"{where}: these are not two numbers, {names[0][0]} and {names[1][0]}{seen}")
 
 
 def _short(text: str) -> str:

@@ -23,9 +23,9 @@ __all__ = ["FunctionLaw", "differences"]
 _STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
 #: The first step, as a part of the length of the piece or of the distance to zero; steps, and what each is
 #: shorter by.
-_FIRST, _LEVELS, _SHORTER = 0.1, 13, 4.0
+_FIRST, _SHORTER = 0.1, 4.0
 #: Levels that are enough for most places, and the error up to which they are: a part of the rise over a step.
-_USUAL, _ENOUGH = range(1, 5), 2e-11
+_USUAL, _LEVELS, _ENOUGH = range(1, 5), range(13), 2e-11
 #: Roundings in a value, and what noise in values becomes in the derivative of the polynomial.
 _ROUNDING, _NOISE = 2.0 * float(np.finfo(float).eps), 3.0
 #: The end of a piece is left out by at most this part of its scale, and of the step: it may belong to the next.
@@ -42,7 +42,7 @@ def differences(function: Callable[[Array], Array], r: Array, low: float, high: 
     rates, enough = _on_levels(function, r, low, high, scale, _USUAL)
     rest = np.flatnonzero(~enough)
     if rest.size:
-        rates[rest] = _on_levels(function, r[rest], low, high, scale, range(_LEVELS))[0]
+        rates[rest] = _on_levels(function, r[rest], low, high, scale, _LEVELS)[0]
     return rates.reshape(shape)
 
 
@@ -79,8 +79,8 @@ def _on_levels(
 #: What a user gives: a function of an array, or, if it cannot take one, of a number.
 GivenFunction = Callable[..., ArrayLike]
 
+#: Gauss's rule on each of eight parts from the end of a piece; a law for which it is too coarse is refused.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-_PANELS = 8
 #: Samples in which turns of the curvature are looked for at most, and what a curve may leave a straight line by.
 _MOST_SAMPLES, _BENT = 4000, 0.02
 
@@ -167,7 +167,7 @@ class _FunctionLaw(OwnLaw):
 
     def _piece(self, low: float, high: float, scale: float) -> LawPiece:
         """Functions that stay inside ``(low, high)``."""
-        margin = 1e-9 * scale
+        margin = _BESIDE * scale
 
         def curvature(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
@@ -190,7 +190,7 @@ class _FunctionLaw(OwnLaw):
             if self.potential is not None:
                 return self._called(self.potential, r)
             anchor = low if np.isfinite(low) else high
-            ends = anchor + (r - anchor)[..., None] * np.linspace(0.0, 1.0, _PANELS + 1)
+            ends = anchor + (r - anchor)[..., None] * np.linspace(0.0, 1.0, 9)
             half = 0.5 * np.diff(ends, axis=-1)
             middle = 0.5 * (ends[..., 1:] + ends[..., :-1])
             at = middle[..., None] + half[..., None] * _NODES
@@ -206,11 +206,11 @@ def _refined(r: Array, of: Callable[[Array], Array]) -> tuple[Array, Array]:
     left = np.arange(r.size - 1)
     while left.size and r.size + left.size <= _MOST_SAMPLES:
         middle = 0.5 * (r[left] + r[left + 1])
-        found = of(middle)
-        bent = np.abs(found - 0.5 * (values[left] + values[left + 1])) > _BENT * size
+        at_middle = of(middle)
+        bent = np.abs(at_middle - 0.5 * (values[left] + values[left + 1])) > _BENT * size
         bent &= r[left + 1] - r[left] > 1e-9 * np.abs(r[left]) + 1e-300
         new = left[bent]
-        r, values = np.insert(r, new + 1, middle[bent]), np.insert(values, new + 1, found[bent])
+        r, values = np.insert(r, new + 1, middle[bent]), np.insert(values, new + 1, at_middle[bent])
         left = np.concatenate([new, new + 1]) + np.tile(np.arange(new.size), 2)
         left.sort()
     return r, values
@@ -238,7 +238,7 @@ def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
         return []
     size = float(np.ptp(curvature))
     noise = 1e-4 * size + 1e-6 * float(np.abs(curvature).max()) + rounding
-    found, best, direction = [], 0, 0
+    turns, best, direction = [], 0, 0
     for i in range(1, r.size):
         change = curvature[i] - curvature[best]
         if direction == 0:
@@ -247,9 +247,9 @@ def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
         elif change * direction > 0.0:
             best = i
         elif abs(change) > noise:
-            found.append(float(r[best]))
+            turns.append(float(r[best]))
             direction, best = -direction, i
-    return found
+    return turns
 
 
 def FunctionLaw(  # noqa: N802 - a law, named as the others are

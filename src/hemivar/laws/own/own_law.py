@@ -1,4 +1,4 @@
-"""Laws given by a list of smooth pieces, of whatever kind: what formulas and Python functions have in common."""
+"""Laws as a list of smooth pieces with value, derivative and curvature: what formulas and Python functions share."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class OwnLaw(ResolvedLaw):
         if not self.even:
             return (knots, pieces) if knots.size else (np.zeros(1), pieces * 2)
         mirrored = {id(piece): _mirrored(piece) for piece in pieces}
-        return np.concatenate([-knots[::-1], [0.0], knots]), (*(mirrored[id(one)] for one in pieces[::-1]), *pieces)
+        return np.concatenate([-knots[::-1], [0.0], knots]), (*(mirrored[id(part)] for part in pieces[::-1]), *pieces)
 
     @property
     def _knots(self) -> Array:
@@ -159,7 +159,7 @@ class OwnLaw(ResolvedLaw):
 
     @cached_property
     def _rates(self) -> tuple[float, float]:
-        found = []
+        rates = []
         last = self._knots.size
         far = np.array([1e4, 1e6]) * max(self.reach, float(np.abs(self._knots).max()))
         near, _ = self._growth
@@ -168,13 +168,13 @@ class OwnLaw(ResolvedLaw):
                 slope = sign * self._evaluate(np.full(2, piece), sign * far, 1)
             if not np.isfinite(slope).all():
                 with np.errstate(all="ignore"):
-                    found.append(float(np.copysign(np.inf, self._evaluate(np.array([piece]), sign * far[:1], 0)[0])))
+                    rates.append(float(np.copysign(np.inf, self._evaluate(np.array([piece]), sign * far[:1], 0)[0])))
             elif abs(slope[1]) > 3.0 * abs(slope[0]) and abs(slope[1]) * self.reach > 1e-6:
-                found.append(float(np.copysign(np.inf, slope[1])))
+                rates.append(float(np.copysign(np.inf, slope[1])))
             else:
                 small = np.isfinite(near) and abs(slope[1]) < 1e-5 * near
-                found.append(0.0 if small else float(slope[1]))
-        return found[0], found[1]
+                rates.append(0.0 if small else float(slope[1]))
+        return rates[0], rates[1]
 
     def recession(self, sign: Array) -> Array:
         sign = np.asarray(sign, dtype=float)

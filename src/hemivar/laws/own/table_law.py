@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
@@ -16,8 +17,9 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.stated import Form, stated, stating
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.own.columns import read_columns
-from hemivar.laws.parameters import word
+from hemivar.laws.parameters import LENGTH, PRESSURE, numbers, word
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["EXTEND", "TABLE", "Extension", "check_points", "even_table", "read_law_table", "table_law"]
@@ -68,7 +70,7 @@ def check_points(
         ]
     broken = [(int(np.argmax(bad)), words) for bad, words in rules if bad.any()]
     if broken:
-        i, words = min(broken, key=lambda one: one[0])
+        i, words = min(broken, key=lambda fault: fault[0])
         raise ProblemError(f"{where}, row {i + 1}: {words(i)}")
     return x, y
 
@@ -145,6 +147,13 @@ def table_law(
     return PiecewiseQuadratic(knots, slopes, right - left, start=float(left[0]), name=name, stated=stated)
 
 
+@named(
+    LawKind.NORMAL,
+    "table",
+    "any graph: j' is linear between the points of a CSV file with the columns r and derivative; a "
+    "repeated r is a jump",
+    "j' from a table",
+)
 @stating(path=TABLE, extend=EXTEND)
 def read_law_table(
     path: str | Path, *, extend: str = Extension.CONSTANT, friction: bool = False, name: str = "table"
@@ -207,3 +216,22 @@ def even_table(
         name=name,
         stated=stated,
     )
+
+
+@named(
+    LawKind.NORMAL,
+    "pressure-table",
+    "any graph: the pressure is linear between the points of two lists; a repeated penetration is a jump",
+    "j' from a table",
+)
+@stating(
+    penetrations=numbers("not falling; negative ones are openings", LENGTH, (0.0, 0.1)),
+    pressures=numbers("pressures there; negative ones are tension", PRESSURE, (0.0, 1.0)),
+    extend=EXTEND,
+)
+def _pressure_table(
+    penetrations: Sequence[float], pressures: Sequence[float], extend: str = "constant"
+) -> PiecewiseQuadratic:
+    law = table_law(penetrations, pressures, extend=extend, name="pressure-table", where="pressure-table")
+    stated = {"penetrations": tuple(penetrations), "pressures": tuple(pressures), "extend": extend}
+    return replace(law, stated=MappingProxyType({"law": "pressure-table", **stated}))

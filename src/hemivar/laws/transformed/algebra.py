@@ -1,4 +1,4 @@
-"""What is made of scalar laws: an affine argument, sums, secants, slips that sum up, and dampers that cannot pull.
+"""Algebra of scalar laws: affine arguments, sums, secants, sums of slips, and dampers that cannot pull.
 
 Each is made of the pieces of what it is given: :mod:`hemivar.laws.transformed.law_graph` joins them.
 """
@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import RescaledLaw, moved_ends, row, separated, taken
@@ -18,7 +19,7 @@ from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.envelopes import EnvelopeLaw
 from hemivar.laws.transformed.law_graph import LawGraph, Region, Term, between, law_graph, spliced
-from hemivar.laws.transformed.transformed_law import MANY, by_parts, check_law, count_knots, merged, numbers, table_of
+from hemivar.laws.transformed.transformed_law import by_parts, check_law, count_knots, merged, numbers, table_of
 from hemivar.laws.transformed.turns import turns
 
 __all__ = ["affine", "homogeneous", "plus", "pushing", "secant", "secant_stiffness", "slipped"]
@@ -93,26 +94,26 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     ProblemError
         There is no r that all terms allow, or they are given for different numbers of contact points.
     """
-    for one in (law, *others):
-        check_law(one)
-    terms = [term for one in (law, *others) for term in _terms(one)]
+    for summand in (law, *others):
+        check_law(summand)
+    terms = [term for summand in (law, *others) for term in _terms(summand)]
     stacked = next((term for term in terms if isinstance(term, StackedLaw)), None)
     if stacked is not None:
         made = by_parts(
-            stacked, lambda part, index: plus(*(part if one is stacked else taken(one, index) for one in terms))
+            stacked, lambda part, index: plus(*(part if term is stacked else taken(term, index) for term in terms))
         )
         assert made is not None
         return made
-    tables = [found for found in map(table_of, terms) if found is not None]
+    tables = [table for table in map(table_of, terms) if table is not None]
     smooth = [term for term in terms if table_of(term) is None]
     _check_common(terms)
     if len(tables) > 1 or (tables and smooth):
-        tables = [one for one in tables if not _idle(one)] or tables[:1]
+        tables = [table for table in tables if not _idle(table)] or tables[:1]
     if smooth:
-        tables = [one for one in tables if not _idle(one)]
+        tables = [table for table in tables if not _idle(table)]
     if tables:
-        rows = max(one.rows for one in tables)
-        if rows > 1 and max(one.knots.shape[-1] for one in tables) > MANY:
+        rows = max(table.rows for table in tables)
+        if rows > 1 and max(table.knots.shape[-1] for table in tables) > MANY:
             smooth, tables = [*tables, *smooth], []
         else:
             smooth = [_summed(tables), *smooth]
@@ -159,32 +160,32 @@ def _summed(terms: Sequence[Superpotential]) -> Superpotential:
         return terms[0]
     ends, regions = Interval(*_ends(terms)), [Region(term) for term in terms]
     knots = _joined(terms)
-    passed = [one.passed(knots) for one in regions]
+    passed = [region.passed(knots) for region in regions]
     extra = turns(terms, knots, [between(*counts) for counts in passed], ends)
     if extra is not None:
         knots = merged(np.concatenate([np.broadcast_to(knots, (len(extra), knots.shape[-1])), extra], axis=-1))
-        passed = [one.passed(knots) for one in regions]
+        passed = [region.passed(knots) for region in regions]
     below, above, size = np.zeros((3, *knots.shape))
-    for one, counts in zip(regions, passed, strict=True):
-        before, after = one.sides(knots, *counts)
+    for region, counts in zip(regions, passed, strict=True):
+        before, after = region.sides(knots, *counts)
         with np.errstate(invalid="ignore"):
             below, above = below + before, above + after
         size = np.maximum(size, np.maximum(np.abs(before), np.abs(after)))
     with np.errstate(invalid="ignore"):
         same = np.isfinite(size) & (np.abs(above - below) <= 4.0 * np.finfo(float).eps * size)
-    sides, name = (below, np.where(same, below, above)), " + ".join(dict.fromkeys(one.name for one in terms))
+    sides, name = (below, np.where(same, below, above)), " + ".join(dict.fromkeys(term.name for term in terms))
     return law_graph(
-        knots, [Term(one, between(*counts)) for one, counts in zip(terms, passed, strict=True)], sides, ends, name
+        knots, [Term(term, between(*counts)) for term, counts in zip(terms, passed, strict=True)], sides, ends, name
     )
 
 
 def homogeneous(profile: Superpotential) -> bool:
     """Whether a friction profile is a multiple of the size of the slip, so that it sees no rate and no sum."""
-    found = table_of(profile)
-    if found is None:
+    table = table_of(profile)
+    if table is None:
         return False
-    free = np.isneginf(found.lower).all() and np.isposinf(found.upper).all()
-    return bool(free and not found.slopes.any() and not ((found.jumps != 0.0) & (found.knots != 0.0)).any())
+    free = np.isneginf(table.lower).all() and np.isposinf(table.upper).all()
+    return bool(free and not table.slopes.any() and not ((table.jumps != 0.0) & (table.knots != 0.0)).any())
 
 
 def slipped(profile: Superpotential, total: Array | float) -> Superpotential:
@@ -258,8 +259,8 @@ def secant(law: Superpotential, opening: Array | float) -> Superpotential:
         size = np.where(knots == 0.0, _largest(base, wide, force), np.where(knots == -wide, np.abs(above), 0.0))
         return below, np.where(np.abs(above - below) <= 8.0 * np.finfo(float).eps * size, below, above)
 
-    own, held = Region(base), Region(spring=stiffness)
-    return spliced([own, held, own], [-opening, np.zeros(1)], law.domain, law.name, mended)
+    own, unloading = Region(base), Region(spring=stiffness)
+    return spliced([own, unloading, own], [-opening, np.zeros(1)], law.domain, law.name, mended)
 
 
 def secant_stiffness(law: Superpotential, opening: Array) -> Array:
@@ -311,10 +312,10 @@ def pushing(law: Superpotential, damping: Superpotential) -> Superpotential:
     stacked = by_parts(law, lambda part, index: pushing(part, taken(damping, index)))
     if stacked is not None:
         return stacked
-    for one in (law, damping):
-        if not one.convex:
+    for term in (law, damping):
+        if not term.convex:
             raise ProblemError(
-                f"law '{one.name}' is not monotone (alpha = {one.weak_convexity.max():.4g}); damping that cannot "
+                f"law '{term.name}' is not monotone (alpha = {term.weak_convexity.max():.4g}); damping that cannot "
                 f"pull needs a monotone law; use plain damping"
             )
     if (law.domain.upper <= 0.0).any():
@@ -324,9 +325,9 @@ def pushing(law: Superpotential, damping: Superpotential) -> Superpotential:
     base, total = table_of(law) or law, plus(law, damping)
     zero = np.zeros(total.rows)
     passed = count_knots(total.knots, zero[:, None], including=True)[:, 0]
-    found = total.local_argmin(zero, zero)
-    found = np.where(np.isnan(found), np.inf, np.maximum(found, 0.0))
-    pushes = np.where(total.piece_derivative(passed, zero) >= 0.0, 0.0, found)  # the place r >= 0 from which on it does
+    least = total.local_argmin(zero, zero)
+    least = np.where(np.isnan(least), np.inf, np.maximum(least, 0.0))
+    pushes = np.where(total.piece_derivative(passed, zero) >= 0.0, 0.0, least)  # the place r >= 0 from which on it does
     kink = total.at_kink(np.where(np.isfinite(pushes), pushes, 0.0))[:, None]
 
     def mended(knots: Array, below: Array, above: Array) -> tuple[Array, Array]:

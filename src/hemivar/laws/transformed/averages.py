@@ -1,4 +1,4 @@
-"""Laws that keep energy: the mean of a law over the way from one penetration to another."""
+"""Energy-conserving mean law (discrete gradient): of a law over the step from one penetration to another."""
 
 from __future__ import annotations
 
@@ -91,12 +91,12 @@ class AveragedLaw(LawOfOne):
         knots = merged(np.concatenate([own, start[:, None]], axis=-1))
         count = knots.shape[-1]
         finite = np.isfinite(knots)
-        place = np.argmax(knots == start[:, None], axis=-1)
+        last_knot = np.argmax(knots == start[:, None], axis=-1)
         s = np.where(finite, knots - start[:, None], 0.0)
         piece = between(*Region(self.base).passed(knots))
         zero = np.zeros((rows, 1))
         # A piece begins at its knot that is nearer to r_n: on the right of it the left one.
-        behind = np.arange(count + 1) <= place[:, None]
+        behind = np.arange(count + 1) <= last_knot[:, None]
         edges = np.concatenate([s, zero], axis=-1), np.concatenate([zero, s], axis=-1)
         near = np.where(behind, *edges)
         far = np.where(behind, *edges[::-1])
@@ -111,7 +111,7 @@ class AveragedLaw(LawOfOne):
         rise = np.where(used, self._primitive(a, b, c, far) - self._primitive(a, b, c, near), 0.0)
         rise[:, 0] = rise[:, -1] = 0.0
         constant = self._outwards(rise, behind) - self._primitive(a, b, c, near)
-        return knots, a, b, c, constant, place
+        return knots, a, b, c, constant, last_knot
 
     @staticmethod
     def _outwards(parts: Array, behind: Array) -> Array:

@@ -1,4 +1,4 @@
-"""A bond that fades: a bonding field between 0 and 1 that falls where the glue is stretched more than it can bear."""
+"""A bond that fades: a bonding (damage) field in [0, 1] that falls where glue is stretched more than it can bear."""
 
 from __future__ import annotations
 
@@ -161,8 +161,8 @@ class BondLaw(ResolvedLaw):
         gamma, beta, most, first, _ = self._numbers
         late = np.where(np.isfinite(first), np.maximum(first, 1.0), 1.0)
         with np.errstate(invalid="ignore"):
-            found = gamma * most**2 * (3.0 * late - 1.0) / (1.0 + late) ** 3
-        return np.where(beta > 0.0, found, 0.0)
+            alpha = gamma * most**2 * (3.0 * late - 1.0) / (1.0 + late) ** 3
+        return np.where(beta > 0.0, alpha, 0.0)
 
     @property
     def growth(self) -> tuple[Array, Array]:

@@ -10,12 +10,12 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import row
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.transformed_law import (
-    MANY,
     LawOfOne,
     by_parts,
     check_law,
@@ -76,10 +76,10 @@ def envelope(law: Superpotential, compliance: Array | float) -> Superpotential:
     if base is None or (base.knots.shape[-1] > MANY and known.size > 1):
         return made
     knots, codes, below, above = made.images
-    held, own = codes % 2 == 1, codes // 2
+    at_knot, own = codes % 2 == 1, codes // 2
     slopes = pick(base.slopes, np.minimum(own, base.slopes.shape[-1] - 1))
     wide = np.broadcast_to(known[:, None], slopes.shape)
-    slopes = np.where(held, 1.0 / np.where(held, wide, 1.0), slopes / (1.0 + wide * slopes))
+    slopes = np.where(at_knot, 1.0 / np.where(at_knot, wide, 1.0), slopes / (1.0 + wide * slopes))
     domain = made.domain
     below, above = (np.where(np.isfinite(side), side, 0.0) for side in (below, above))  # at ends that stay rigid
     return PiecewiseQuadratic.with_sides(knots, slopes, below, above, (domain.lower, domain.upper), law.name)
@@ -153,38 +153,38 @@ class EnvelopeLaw(LawOfOne):
         return Interval(np.where(rigid, bound.lower, -np.inf), np.where(rigid, bound.upper, np.inf))
 
     def _place(self, piece: IntArray, r: Array) -> tuple[IntArray, Array, BoolArray]:
-        """The piece of the law, the place s on it, and whether a knot is held there."""
+        """The piece of the law, the place s on it, and whether it is at a knot."""
         check_time()  # envelopes of laws that hold others take long
         code = pick(self.images[1], np.asarray(piece))
-        held, own = code % 2 == 1, code // 2
+        at_knot, own = code % 2 == 1, code // 2
         r = np.broadcast_to(np.asarray(r, dtype=float), np.broadcast_shapes(np.shape(r), code.shape))
-        own, held = np.broadcast_to(own, r.shape), np.broadcast_to(held, r.shape)
+        own, at_knot = np.broadcast_to(own, r.shape), np.broadcast_to(at_knot, r.shape)
         at = pick(self.base.knots, np.minimum(own, self.base.knots.shape[-1] - 1))
         smooth = np.minimum(own, self.base.knots.shape[-1])
         c = np.broadcast_to(self.compliance, r.shape)
-        soft = (c > 0.0) & ~held
+        soft = (c > 0.0) & ~at_knot
         a = 1.0 / np.where(c > 0.0, c, 1.0)
         low, high = self.base.piece_bounds(smooth)
         s, _ = self.base.stationary_point(smooth, a, a * r, low, high, soft & (low < high))
         s = np.where(soft, np.clip(s, low, high), r)
-        return smooth, np.where(held, at, s), held
+        return smooth, np.where(at_knot, at, s), at_knot
 
     def _raw(self, piece: IntArray, r: Array) -> Array:
-        own, s, held = self._place(piece, r)
+        own, s, at_knot = self._place(piece, r)
         c = np.broadcast_to(self.compliance, s.shape)
-        value = np.where(held, self.base.value(np.where(held, s, 0.0)), self.base.piece_value(own, s))
+        value = np.where(at_knot, self.base.value(np.where(at_knot, s, 0.0)), self.base.piece_value(own, s))
         return np.asarray(value + np.where(c > 0.0, (r - s) ** 2 / np.where(c > 0.0, 2.0 * c, 1.0), 0.0))
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
-        own, s, held = self._place(piece, r)
+        own, s, at_knot = self._place(piece, r)
         c = np.broadcast_to(self.compliance, s.shape)
-        return np.where(held, (r - s) / np.where(held, c, 1.0), self.base.piece_derivative(own, s))
+        return np.where(at_knot, (r - s) / np.where(at_knot, c, 1.0), self.base.piece_derivative(own, s))
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        own, s, held = self._place(piece, r)
+        own, s, at_knot = self._place(piece, r)
         c = np.broadcast_to(self.compliance, s.shape)
         bent = self.base.piece_curvature(own, s)
-        return np.where(held, 1.0 / np.where(held, c, 1.0), bent / (1.0 + c * bent))
+        return np.where(at_knot, 1.0 / np.where(at_knot, c, 1.0), bent / (1.0 + c * bent))
 
     def _knot_sides(self) -> tuple[Array, Array]:
         knots, _, below, above = self.images
@@ -245,9 +245,9 @@ class EnvelopeLaw(LawOfOne):
             np.where(np.isfinite(end), self._place(piece, np.where(np.isfinite(end), end, 0.0))[1], end)
             for end in (low, high)
         ]
-        own, at, held = self._place(piece, np.zeros(np.shape(ends[0])))
+        own, at, at_knot = self._place(piece, np.zeros(np.shape(ends[0])))
         softer = 1.0 + a * self.compliance
-        go = np.asarray(admissible) & ~held
-        s, found = self.base.stationary_point(own, a / softer, b / softer, ends[0], ends[1], go)
-        r = (np.where(held, at, s) + self.compliance * b) / softer
-        return np.where(admissible, np.clip(r, low, high), 0.0), np.asarray(np.where(held, admissible, found))
+        go = np.asarray(admissible) & ~at_knot
+        s, exists = self.base.stationary_point(own, a / softer, b / softer, ends[0], ends[1], go)
+        r = (np.where(at_knot, at, s) + self.compliance * b) / softer
+        return np.where(admissible, np.clip(r, low, high), 0.0), np.asarray(np.where(at_knot, admissible, exists))

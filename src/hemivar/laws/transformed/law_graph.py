@@ -1,4 +1,4 @@
-"""A law as data: its knots, which pieces of which laws act between them, and the derivative on both sides of a knot.
+"""Sums and splices of laws as data: knots, pieces that act between them, one-sided derivatives at knots.
 
 Sums of laws and laws spliced at places are such laws; of tables they are tables again.
 """
@@ -14,11 +14,12 @@ import numpy as np
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.transformed.transformed_law import MANY, count_knots, falls_between, lines, merged, pick, table_of
+from hemivar.laws.transformed.transformed_law import count_knots, falls_between, lines, merged, pick, table_of
 from hemivar.laws.transformed.turns import steepest_fall
 
 #: What j' is below and above knots (m, K), given these and what rounding makes of it.
@@ -113,30 +114,30 @@ def spliced(
     regions: Sequence[Region], cuts: Sequence[Array], ends: Interval, name: str, mended: Mended | None = None
 ) -> Superpotential:
     """The law of regions one after the other, which end at ``cuts``, places (m,) that do not decrease."""
-    rows = common_rows(f"law '{name}'", *(len(one.knots) for one in regions), *(cut.size for cut in cuts))
+    rows = common_rows(f"law '{name}'", *(len(region.knots) for region in regions), *(cut.size for cut in cuts))
     cuts = [np.broadcast_to(cut, (rows,))[:, None] for cut in cuts]
     stretches: Iterable[tuple[Array | float, Array | float]] = itertools.pairwise([-np.inf, *cuts, np.inf])
     inner = [
-        np.where((one.knots > low) & (one.knots < high), one.knots, np.inf)
-        for one, (low, high) in zip(regions, stretches, strict=True)
+        np.where((region.knots > low) & (region.knots < high), region.knots, np.inf)
+        for region, (low, high) in zip(regions, stretches, strict=True)
     ]
     knots = merged(np.concatenate([*(np.broadcast_to(x, (rows, x.shape[-1])) for x in inner), *cuts], axis=-1))
     number = sum(knots >= cut for cut in cuts)
     number = np.concatenate([np.zeros((rows, 1), dtype=np.int64), number], axis=-1)
     springs, shape = np.zeros(number.shape), number.shape
     (below, above), terms = np.zeros((2, *knots.shape)), dict[int, tuple[Superpotential, IntArray, Array]]()
-    once = {id(one): one for one in regions}
-    passed = {key: one.passed(knots) for key, one in once.items()}
-    known = {key: one.sides(knots, *passed[key]) for key, one in once.items()}
-    for i, one in enumerate(regions):
-        here, sides = number == i, known[id(one)]
+    once = {id(region): region for region in regions}
+    passed = {key: region.passed(knots) for key, region in once.items()}
+    known = {key: region.sides(knots, *passed[key]) for key, region in once.items()}
+    for i, region in enumerate(regions):
+        here, sides = number == i, known[id(region)]
         below, above = np.where(here[:, :-1], sides[0], below), np.where(here[:, 1:], sides[1], above)
-        if one.law is None:
-            springs = np.where(here, one.spring[:, None], springs)
+        if region.law is None:
+            springs = np.where(here, region.spring[:, None], springs)
             continue
-        law, piece, shift = terms.get(id(one.law), (one.law, np.full(shape, -1), np.zeros(shape)))
-        shift = np.where(here, one.shift[:, None], shift) if one.shift.any() else shift
-        terms[id(law)] = law, np.where(here, between(*passed[id(one)]), piece), shift
+        law, piece, shift = terms.get(id(region.law), (region.law, np.full(shape, -1), np.zeros(shape)))
+        shift = np.where(here, region.shift[:, None], shift) if region.shift.any() else shift
+        terms[id(law)] = law, np.where(here, between(*passed[id(region)]), piece), shift
     parts = [Term(law, piece, shift if shift.any() else None) for law, piece, shift in terms.values()]
     sides = (below, above) if mended is None else mended(knots, below, above)
     return law_graph(knots, parts, sides, ends, name, springs, np.concatenate(cuts, axis=-1))
@@ -155,13 +156,13 @@ def law_graph(
 
     It is a table where all its laws are, if none with many knots would have to be copied for every point.
     """
-    tables = [found for term in terms if (found := table_of(term.law)) is not None]
-    copied = any(len(one.knots) < len(knots) and one.knots.shape[-1] > MANY for one in tables)
+    tables = [table for term in terms if (table := table_of(term.law)) is not None]
+    copied = any(len(table.knots) < len(knots) and table.knots.shape[-1] > MANY for table in tables)
     if len(tables) < len(terms) or copied:
         return LawGraph(knots, tuple(terms), *sides, ends, name, springs, np.zeros((1, 0)) if cuts is None else cuts)
     slopes = np.zeros((len(knots), knots.shape[-1] + 1)) if springs is None else springs
-    for term, one in zip(terms, tables, strict=True):
-        slopes = slopes + term.acting(term.piece, pick(one.slopes, np.maximum(term.piece, 0)))
+    for term, table in zip(terms, tables, strict=True):
+        slopes = slopes + term.acting(term.piece, pick(table.slopes, np.maximum(term.piece, 0)))
     return PiecewiseQuadratic.with_sides(knots, slopes, *sides, (ends.lower, ends.upper), name)
 
 
@@ -228,7 +229,7 @@ class LawGraph(ResolvedLaw):
         return self._sprung(self._sum("piece_curvature", piece, r), piece, np.ones(1))
 
     def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
-        slope, bend = (sum(found) for found in zip(*(term.line(piece, r) for term in self.terms), strict=True))
+        slope, bend = (sum(parts) for parts in zip(*(term.line(piece, r) for term in self.terms), strict=True))
         return self._sprung(slope, piece, r), self._sprung(bend, piece, np.ones(1))
 
     def _sprung(self, values: Array | float, piece: IntArray, r: Array) -> Array:
@@ -292,14 +293,14 @@ class LawGraph(ResolvedLaw):
     @property
     def growth(self) -> tuple[Array, Array]:
         """The largest constants of all pieces."""
-        found = np.zeros((2, len(self.places), self.places.shape[-1] + 1))
+        constants = np.zeros((2, len(self.places), self.places.shape[-1] + 1))
         for term in self.terms:
             c0, c1 = (constant[:, None] for constant in term.law.growth)
             if term.shift is not None:
                 with np.errstate(invalid="ignore"):
                     c0 = np.where(np.isfinite(c1), c0 + c1 * np.abs(term.shift), np.inf)
-            found += [np.where(term.piece >= 0, constant, 0.0) for constant in (c0, c1)]
-        c0, c1 = found.max(axis=-1)
+            constants += [np.where(term.piece >= 0, constant, 0.0) for constant in (c0, c1)]
+        c0, c1 = constants.max(axis=-1)
         return c0, c1
 
     def _outer(self, sign: float) -> list[tuple[Superpotential, BoolArray]]:
@@ -308,16 +309,16 @@ class LawGraph(ResolvedLaw):
         return [(term.law, pick(term.piece, last) >= 0) for term in self.terms]
 
     def _rate(self, sign: float) -> Array:
-        way = np.full(len(self.places), sign)
+        direction = np.full(len(self.places), sign)
         with np.errstate(invalid="ignore"):
-            total = np.asarray(sum(np.where(acts, law.recession(way), 0.0) for law, acts in self._outer(sign)))
+            total = np.asarray(sum(np.where(acts, law.recession(direction), 0.0) for law, acts in self._outer(sign)))
             return np.where(np.isnan(total), np.copysign(np.inf, self.asymptotic_curvature(sign)), total)
 
     def recession(self, sign: Array) -> Array:
         size = np.abs(np.asarray(sign, dtype=float))
         with np.errstate(invalid="ignore"):
-            found = size * np.where(np.asarray(sign) > 0.0, self._rate(1.0), self._rate(-1.0))
-        return np.where(size > 0.0, found, 0.0)
+            rate = size * np.where(np.asarray(sign) > 0.0, self._rate(1.0), self._rate(-1.0))
+        return np.where(size > 0.0, rate, 0.0)
 
     def asymptotic_curvature(self, sign: float) -> Array:
         total: Array | float = 0.0

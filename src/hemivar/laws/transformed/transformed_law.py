@@ -1,4 +1,4 @@
-"""What laws made of other laws have in common: checks of what they are given, their tables, and columns of knots."""
+"""Base of laws made of other laws: checks of what they are given, their tables, and columns of knots."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.minimisers import FAR
+from hemivar.laws.minimisers import FAR, MANY
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import RescaledLaw, ResolvedLaw
@@ -22,7 +22,6 @@ from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
-    "MANY",
     "LawOfOne",
     "as_examined",
     "by_parts",
@@ -38,9 +37,6 @@ __all__ = [
 
 #: The kind of number that columns hold.
 Entry = TypeVar("Entry", bound=np.generic)
-
-#: Knots from which on a table is not copied for each contact point.
-MANY = 40
 
 
 class LawOfOne(ResolvedLaw):
@@ -82,16 +78,16 @@ def numbers(
 
     ``state``: they are a state of the contact points, of which a rank may have none; others are never empty.
     """
-    found = np.atleast_1d(real_array(value, what))
-    if found.ndim != 1 or not (found.size or state):
-        raise ProblemError(f"{what} has shape {found.shape}; give a number, or one for each contact point")
-    if not (found > above).all():
+    values = np.atleast_1d(real_array(value, what))
+    if values.ndim != 1 or not (values.size or state):
+        raise ProblemError(f"{what} has shape {values.shape}; give a number, or one for each contact point")
+    if not (values > above).all():
         raise ProblemError(
-            f"{what} is {found.min():g}; it must be {'positive' if above == 0.0 else f'above {above:g}'}"
+            f"{what} is {values.min():g}; it must be {'positive' if above == 0.0 else f'above {above:g}'}"
         )
-    if not (found >= least).all():
-        raise ProblemError(f"{what} is {found.min():g}; it must be at least {least:g}")
-    return found
+    if not (values >= least).all():
+        raise ProblemError(f"{what} is {values.min():g}; it must be at least {least:g}")
+    return values
 
 
 def by_parts(
@@ -135,8 +131,8 @@ def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
     if isinstance(law, RescaledLaw) and not law.moved and (base := table_of(law.base)) is not None:
         if base.knots.shape[-1] > MANY and law.factor.size > 1:
             return None
-        found = base.scaled(law.factor)
-        return found if isinstance(found, PiecewiseQuadratic) else None
+        table = base.scaled(law.factor)
+        return table if isinstance(table, PiecewiseQuadratic) else None
     return None
 
 
@@ -170,8 +166,8 @@ def merged(candidates: Array) -> Array:
 def count_knots(knots: Array, places: Array, *, including: bool) -> IntArray:
     """How many knots (m or 1, K) lie below each place (m, n); with ``including``, or at it."""
     if knots.shape[0] == 1:
-        found = np.searchsorted(knots[0], places, side="right" if including else "left")
-        return np.asarray(found, dtype=np.int64)
+        passed = np.searchsorted(knots[0], places, side="right" if including else "left")
+        return np.asarray(passed, dtype=np.int64)
     rows = np.broadcast_shapes(knots.shape[:1], places.shape[:1])
     count = np.zeros((*rows, places.shape[-1]), dtype=np.int64)
     for k in range(knots.shape[-1]):

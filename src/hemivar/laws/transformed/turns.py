@@ -1,4 +1,4 @@
-"""Where the curvature of a sum turns round, and how steeply its derivative falls: from the curvatures of its terms.
+"""Extrema of the curvature of a sum of laws, and bounds of its weak convexity, from the curvatures of its terms.
 
 The curvature of every term is monotone on a piece; that of the sum need not be where one rises and another one falls.
 There the turning places are sought on a grid, and the steepest fall is enclosed: on a cell, each term is bounded by its
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.minimisers import golden_section
 from hemivar.laws.rescaled import taken
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.transformed_law import falls_between
@@ -20,8 +21,7 @@ __all__ = ["steepest_fall", "turns"]
 
 #: Places on a piece at which a turn is sought.
 _PLACES = 240
-#: Rounds of halving, and how closely the bound is to be met.
-_ROUNDS = 60
+#: How closely a bound of the steepest fall is to be met, as docs/laws.md says: one per cent.
 _CLOSE = 1e-2
 
 
@@ -90,9 +90,9 @@ def turns(terms: Sequence[Superpotential], knots: Array, maps: Sequence[IntArray
         if not mixed.size:
             continue
         some = [taken(term, mixed) for term in terms]
-        found = _turns_of(some, [piece[mixed] for piece in pieces], low[mixed], high[mixed])
-        wide = np.full((rows, found.shape[-1]), np.inf)
-        wide[mixed] = found
+        places = _turns_of(some, [piece[mixed] for piece in pieces], low[mixed], high[mixed])
+        wide = np.full((rows, places.shape[-1]), np.inf)
+        wide[mixed] = places
         columns.append(wide)
     return np.concatenate(columns, axis=-1) if columns else None
 
@@ -103,26 +103,21 @@ def _turns_of(terms: Sequence[Superpotential], pieces: Sequence[IntArray], low: 
     rise = np.diff(values, axis=-1)
     noise = max(_noise(term) for term in terms)
     rise = np.where(np.abs(rise) <= noise * np.abs(values).max(axis=-1, keepdims=True), 0.0, rise)
-    found = np.full((low.size, 0), np.inf)
+    places = np.full((low.size, 0), np.inf)
     for i in range(1, rise.shape[-1]):
         turned = rise[:, i - 1] * rise[:, i] < 0.0
         if turned.any():
             sign = np.sign(rise[:, i - 1])
-            place = _extremum(terms, pieces, grid[:, i - 1], grid[:, i + 1], sign)
-            found = np.concatenate([found, np.where(turned, place, np.inf)[:, None]], axis=-1)
-    return found
+            turn = _extremum(terms, pieces, grid[:, i - 1], grid[:, i + 1], sign)
+            places = np.concatenate([places, np.where(turned, turn, np.inf)[:, None]], axis=-1)
+    return places
 
 
 def _extremum(
     terms: Sequence[Superpotential], pieces: Sequence[IntArray], low: Array, high: Array, sign: Array
 ) -> Array:
-    """The largest (sign 1) or smallest (sign -1) curvature between two places, by golden section."""
-    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
-    for _ in range(60):
-        first, second = high - ratio * (high - low), low + ratio * (high - low)
-        more = sign * (_curvature(terms, pieces, second) - _curvature(terms, pieces, first)) > 0.0
-        low, high = np.where(more, first, low), np.where(more, high, second)
-    return np.asarray(0.5 * (low + high))
+    """The largest (sign 1) or smallest (sign -1) curvature between two places."""
+    return golden_section(lambda r: -sign * _curvature(terms, pieces, r), low, high)
 
 
 def steepest_fall(terms: Sequence[Superpotential], pieces: Sequence[IntArray], low: Array, high: Array) -> Array:
@@ -153,7 +148,7 @@ def _enclosed(terms: Sequence[Superpotential], pieces: Sequence[IntArray], low: 
     bound = np.stack([_bounded(terms, pieces, *cell) for cell in cells], axis=-1)
     rows = np.arange(low.size)
     met = np.max(np.stack([-_curvature(terms, pieces, column) for column in grid.T], axis=-1), axis=-1)
-    for _ in range(_ROUNDS):
+    for _ in range(60):
         worst = np.argmax(bound, axis=-1)
         first, last = start[rows, worst], end[rows, worst]
         size = np.abs(bound[rows, worst]) + np.abs(met)
