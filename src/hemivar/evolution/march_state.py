@@ -237,12 +237,11 @@ def _moment(moment: TimeState, stepper: TimeStepper, where: str) -> Iterator[str
         yield f"it has {len(moment.branches)} branches of the material, not {len(discrete.branches)}"
     for k, branch in enumerate(moment.branches):
         yield from _array(f"{where}branch.{k}", branch, whole)
-    if moment.control is not None:
-        for name in ("slid", "pressed"):
-            yield from _array(f"{where}control.{name}", getattr(moment.control, name), local)
-        numbers = (getattr(moment.control, name) for name in ("factor", "pace", "largest", "carried", "moved", "spent"))
-        if not (all(map(math.isfinite, numbers)) and 0.0 <= moment.control.step < math.inf):
-            yield "what its control of the load remembers is not finite"
+    for name, value in vars(moment.control).items() if moment.control is not None else ():
+        if isinstance(value, np.ndarray):
+            yield from _array(f"{where}control.{name}", value, local)
+        elif not math.isfinite(value) or (name == "step" and value < 0.0):
+            yield f"{where}control.{name} is {value:g}"
     yield from _memory(moment.memory, initial_memory(discrete, acting.law, np.zeros(local)))
 
 
