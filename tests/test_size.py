@@ -20,7 +20,7 @@ LINES: dict[str, int] = {
     "certificates": 2021,  # bodies under the stress of the load
     "cli": 2952,
     "discrete": 2466,  # glue beside other laws
-    "evolution": 6062,  # a load factor that is an answer, and is checked in checkpoints
+    "evolution": 6061,  # a load factor that is an answer, and is checked in checkpoints
     "fem": 5139,  # quadratic tetrahedra; stress stiffness; loads by portions
     "files": 3454,
     "formula": 1813,

@@ -235,6 +235,27 @@ def test_memory_that_is_remembered_is_finite(tmp_path: Path, written: bytes) -> 
             resumed(tmp_path / "run.ckpt", forged(written, entry(path, change)))
 
 
+@pytest.mark.parametrize("name", ["factor", "pace", "largest", "carried", "step", "moved", "spent", "slid", "pressed"])
+def test_what_a_control_of_the_load_remembers_is_finite(tmp_path: Path, name: str) -> None:
+    contact = hv.Contact(hv.Adhesive(24.0, 2.4, 6.0, 72.0))
+    pulled = Evolution(bodies.column(contact, stiffness=12.0, top=None, tractions={"top": lambda x, t: [0.0, t]}))
+    kept = hv.evolution.Checkpoint(tmp_path / "run.ckpt", 0.0)
+    plan: dict[str, Any] = {"step": 0.5, "control": "dissipation", "checkpoint": kept}
+    begun = marching(pulled, March(4.0, **plan))
+    for _ in range(4):
+        next(begun)
+    begun.close()
+    path, data = f"state/march/state/control/{name}", kept.file.read_bytes()
+    kept.file.write_bytes(forged(data, entry(path, np.nan) if name in ("slid", "pressed") else put(path, "nan")))
+    with pytest.raises(FileError, match=rf"cannot be used \(control.{name} .+\); start again"):
+        march(pulled, 4.0, resume=True, **plan)
+    kept.file.write_bytes(forged(data, put("state/march/state/control/step", -0.5)))
+    with pytest.raises(FileError, match=r"cannot be used \(control.step is -0.5\)"):
+        march(pulled, 4.0, resume=True, **plan)
+    kept.file.write_bytes(data)
+    assert march(pulled, 4.0, resume=True, **plan).finished
+
+
 def test_no_array_is_larger_than_its_bytes() -> None:
     def packed(name: str, data: bytes, how: int = zipfile.ZIP_STORED) -> bytes:
         stream = io.BytesIO()

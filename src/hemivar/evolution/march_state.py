@@ -239,12 +239,11 @@ def _state(state: TimeState, stepper: TimeStepper, where: str) -> Iterator[str]:
         yield f"it has {len(state.branches)} branches of the material, not {len(discrete.branches)}"
     for k, branch in enumerate(state.branches):
         yield from _array(f"{where}branch.{k}", branch, whole)
-    if state.control is not None:
-        for name in ("slid", "pressed"):
-            yield from _array(f"{where}control.{name}", getattr(state.control, name), local)
-        numbers = (getattr(state.control, name) for name in ("factor", "pace", "largest", "carried", "moved", "spent"))
-        if not (all(map(math.isfinite, numbers)) and 0.0 <= state.control.step < math.inf):
-            yield "what its control of the load remembers is not finite"
+    for name, value in vars(state.control).items() if state.control is not None else ():
+        if isinstance(value, np.ndarray):
+            yield from _array(f"{where}control.{name}", value, local)
+        elif not math.isfinite(value) or (name == "step" and value < 0.0):
+            yield f"{where}control.{name} is {value:g}"
     yield from _memory(state.memory, initial_memory(discrete, acting.law, np.zeros(local)))
 
 
