@@ -11,7 +11,7 @@ from hemivar.certificates.smallness import one_solution
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, PenetrationBound, Superpotential
 from hemivar.solvers import solve
-from tests.certificates.test_certificate_sampled_constants import one_point
+from tests.bodies import points_on_springs
 from tests.samples import slow
 
 STEP = "6e-4*(1 + tanh((s - 1)/3e-4))"
@@ -63,7 +63,9 @@ def check_words(problem: DiscreteProblem, sampled: bool) -> None:
     ],
 )
 def test_friction_bounds(bound: object, sampled: bool) -> None:
-    check_words(one_point(ContactLaw(Compliance(0.5), Friction(PenetrationBound(bound)))), sampled)
+    check_words(
+        points_on_springs(1.0, (1.0, 0.3), ContactLaw(Compliance(0.5), Friction(PenetrationBound(bound)))), sampled
+    )
 
 
 @pytest.mark.parametrize(
@@ -75,7 +77,7 @@ def test_friction_bounds(bound: object, sampled: bool) -> None:
     ],
 )
 def test_laws(law: Superpotential, sampled: bool) -> None:
-    check_words(one_point(ContactLaw(law.scaled(0.3), Friction(0.1))), sampled)
+    check_words(one_point(ContactLaw(law.scaled(0.3), Friction(0.1)), 2), sampled)
 
 
 def test_three_solutions_are_not_each_unique() -> None:

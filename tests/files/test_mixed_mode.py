@@ -8,8 +8,9 @@ import pytest
 
 import hemivar as hv
 from hemivar.laws import MixedMode
+from tests.bodies import glued_plate
 from tests.files.mistakes import refused
-from tests.laws.coupled.test_mixed_mode import block
+from tests.laws.coupled.test_mixed_mode import BILINEAR
 
 FILE = """
 [mesh]
@@ -38,7 +39,7 @@ def test_problem_files_state_it(tmp_path: Path) -> None:
     assert isinstance(problem, hv.ContactProblem)
     law = problem.contact["bottom"].law
     assert isinstance(law, MixedMode)
-    assert hv.solve(problem).energy == pytest.approx(hv.solve(block()).energy, rel=1e-12)
+    assert hv.solve(problem).energy == pytest.approx(hv.solve(glued_plate(BILINEAR, cells=2)).energy, rel=1e-12)
     hv.write_problem(problem, tmp_path / "again.toml")
     again = hv.read_problem(tmp_path / "again.toml")
     assert again.contact["bottom"].law.stated == law.stated  # type: ignore[union-attr]

@@ -8,8 +8,9 @@ import pytest
 
 import hemivar as hv
 from hemivar.laws import Compliance, ModeDependentGlue
+from tests.bodies import glued_plate
 from tests.files.mistakes import refused
-from tests.laws.coupled.test_mode_dependent import block, soft
+from tests.laws.coupled.test_mode_dependent import PULL, soft
 
 FILE = """
 [mesh]
@@ -50,7 +51,7 @@ def test_problem_files_state_it(tmp_path: Path) -> None:
     assert isinstance(law.compression, Compliance)
     path.write_text(FILE)
     here = hv.solve(hv.read_problem(path))
-    assert here.local == pytest.approx(hv.solve(block(soft())).local, abs=1e-12)
+    assert here.local == pytest.approx(hv.solve(glued_plate(soft(), PULL)).local, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,9 @@ import pytest
 
 import hemivar as hv
 from hemivar.laws import OwnCoupledLaw
+from tests.bodies import glued_plate
 from tests.files.mistakes import refused
-from tests.laws.coupled.test_own_coupled import BILINEAR, block, mixed
+from tests.laws.coupled.test_own_coupled import BILINEAR, mixed
 
 FILE = f"""
 [mesh]
@@ -35,7 +36,7 @@ def test_problem_files_state_it(tmp_path: Path) -> None:
     path = tmp_path / "glued.toml"
     path.write_text(FILE)
     problem = hv.read_problem(path)
-    assert hv.solve(problem).energy == pytest.approx(hv.solve(block(mixed())).energy, rel=1e-8)
+    assert hv.solve(problem).energy == pytest.approx(hv.solve(glued_plate(mixed())).energy, rel=1e-8)
     hv.write_problem(problem, tmp_path / "again.toml")
     again = hv.read_problem(tmp_path / "again.toml")
     assert again.contact["bottom"].law.stated == problem.contact["bottom"].law.stated  # type: ignore[union-attr]

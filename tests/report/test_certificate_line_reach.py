@@ -7,15 +7,16 @@ import json
 from hemivar.branches import find_solutions
 from hemivar.certificates import smallness
 from hemivar.certificates.smallness import one_solution
-from hemivar.laws import FormulaLaw
+from hemivar.laws import ContactLaw, FormulaLaw
 from hemivar.report import plot_certificate
 from hemivar.report.notebook import html_of
-from tests.certificates.test_bound_reach import certified, one_point
+from tests.bodies import points_on_springs
+from tests.certificates.test_bound_reach import certified
 
 
 def test_every_output_says_so() -> None:
     """There is another solution at 10.3, where the law has overtaken the body."""
-    problem = one_point(FormulaLaw("-exp(r)", reach=4.0), 3e3, 1.0)
+    problem = points_on_springs(3e3, [1.0], ContactLaw(FormulaLaw("-exp(r)", reach=4.0)))
     certificate = certified(problem)
     said = "the only one with penetrations within the reach 4"
     assert certificate.unique == certificate.uniqueness == said
