@@ -13,6 +13,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["ContactBoundary", "TouchedSide", "contact_boundaries", "polylines"]
@@ -31,7 +32,7 @@ class TouchedSide:
     def of(cls, side: str, field: Field, contact: ContactPoints, index: IntArray) -> TouchedSide:
         """The side of that name, touched by the contact points ``index``: where nodes press on it with which part."""
         assert contact.mean is not None
-        members = field.mesh.facet_nodes(field.mesh.boundaries[side], field.order)
+        members = boundary_rule(field.mesh, side, field.order).nodes
         nodes = np.unique(members)
         seen = abs(sp.csr_array(contact.mean[index])[:, nodes]).T @ sp.diags_array(contact.weights[index])
         total = np.asarray(seen.sum(axis=1)).ravel()
@@ -148,7 +149,7 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
         side, other = contact.pairs.get(name, (name, ""))
         if not index.size or side not in field.mesh.boundaries:
             continue
-        members = field.mesh.facet_nodes(field.mesh.boundaries[side], field.order)
+        members = boundary_rule(field.mesh, side, field.order).nodes
         nodes, facets = contact.node[index], contact.facet[index]
         at_nodes = bool((nodes >= 0).all())
         touched = TouchedSide.of(other, field, contact, index) if other else None
