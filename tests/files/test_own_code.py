@@ -17,7 +17,7 @@ from hemivar.basics.content import digest_of
 from hemivar.basics.user_code import load_file
 from hemivar.errors import ProblemError
 from hemivar.files.changes import Change
-from hemivar.files.problem_file import parse_problem, problem_text, read_problem_file
+from hemivar.files.problem_file import parse_problem, parse_problem_file, problem_text, read_problem_file
 from tests.problem_files import TRESCA, block_file
 
 #: Laws as users write them; each does what one of the library's does.
@@ -187,6 +187,63 @@ def test_a_material_is_the_linear_one_that_it_states(code: list[str]) -> None:
     assert np.allclose(hv.solve(own).displacement, hv.solve(linear).displacement, rtol=0, atol=1e-8)
     assert problem_text(own) == problem_text(parse_problem(problem_text(own), code=code))
     assert 'law = "ownlaws:Plain"' in problem_text(own)
+
+
+SPRING = "{ law = 'ownlaws:Silent', stiffness = 30.0 }"
+REGIONS = """
+[mesh.lower]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+[mesh.upper]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+origin = [0.0, 1.0]
+[material.regions.lower]
+law = "ownlaws:Plain"
+bulk = 6.0
+shear = 4.0
+[material.regions.upper]
+lame = [4.0, 4.0]
+[supports]
+"upper:top" = "clamped"
+[contact."lower:bottom"]
+normal = "signorini"
+"""
+MEMBRANE = """
+kind = "membrane"
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+[material]
+tension = 1.0
+[supports]
+left = 0.0
+[area]
+normal = {}
+"""
+HEAT = """
+[time]
+until = 1.0
+step = 0.5
+[heat]
+conductivity = 1.0
+capacity = 1.0
+[heat.contact.bottom]
+exchange = {}
+"""
+
+
+@pytest.mark.parametrize("text", [
+    on_law("'signorini'") + f"damping = {SPRING}\n", REGIONS, MEMBRANE.format(SPRING),
+    on_law("'signorini'") + HEAT.format(SPRING),
+])  # fmt: skip
+def test_every_table_that_names_a_law(code: list[str], text: str, tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="is code of your own"):
+        parse_problem(text)
+    stated = parse_problem_file(text, tmp_path, code=code)
+    again = parse_problem_file(problem_text(stated), tmp_path, code=code)
+    assert problem_text(again) == problem_text(stated)
+    assert "ownlaws:" in problem_text(stated)
 
 
 def test_a_memory_marches_as_in_python() -> None:
