@@ -351,7 +351,7 @@ def test_friction_has_its_own_kind_of_class(code: list[str]) -> None:
         (["own laws"], "is neither a module nor a Python file"),
         (["a/ownlaws.py", "b/ownlaws.py"], "'a/ownlaws.py' and 'b/ownlaws.py' have one name; rename one"),
         (["./ownlaws.py"], "allowed code 'ownlaws.py': there is no such file"),
-        ("ownlaws", "code is the text 'ownlaws'; give a list of modules and files"),
+        ("ownlaws", "code is 'ownlaws'; give a list of modules and files"),
     ],
 )
 def test_code_that_makes_no_sense(
