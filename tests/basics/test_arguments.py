@@ -42,15 +42,15 @@ def test_short_values_are_quoted_as_they_are() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"size": 0.0}, "drawn: size is 0.0; give a positive number"),
-        ({"size": np.ones(2)}, "drawn: size is a ndarray"),
+        ({"size": 0.0}, "shown_values: size is 0.0; give a positive number"),
+        ({"size": np.ones(2)}, "shown_values: size is a ndarray"),
         ({"size": 1e300}, "beyond the range of numbers"),
         ({"count": -1}, "at least 0"),
         ({"count": 1.5}, "whole number"),
-        ({"share": 1j}, "drawn: share is 1j"),
+        ({"share": 1j}, "shown_values: share is 1j"),
         ({"loud": np.ones(2)}, "give True or False"),
-        ({"label": b"x"}, "drawn: label is b'x'; give a text"),
-        ({"sides": ["left"]}, "an entry of drawn: sides is 'left'"),
+        ({"label": b"x"}, "shown_values: label is b'x'; give a text"),
+        ({"sides": ["left"]}, "an entry of shown_values: sides is 'left'"),
     ],
 )
 def test_arguments_of_other_kinds_are_refused_at_the_call(given: dict[str, object], words: str) -> None:

@@ -17,7 +17,7 @@ from hemivar.basics.content import digest_of
 from hemivar.basics.user_code import load_file
 from hemivar.errors import ProblemError
 from hemivar.files.changes import Change
-from hemivar.files.problem_file import parse_problem, problem_text, read_problem_file
+from hemivar.files.problem_file import parse_problem, parse_problem_file, problem_text, read_problem_file
 from tests.problem_files import TRESCA, block_file
 
 #: Laws as users write them; each does what one of the library's does.
@@ -189,6 +189,63 @@ def test_a_material_is_the_linear_one_that_it_states(code: list[str]) -> None:
     assert 'law = "ownlaws:Plain"' in problem_text(own)
 
 
+SPRING = "{ law = 'ownlaws:Silent', stiffness = 30.0 }"
+REGIONS = """
+[mesh.lower]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+[mesh.upper]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+origin = [0.0, 1.0]
+[material.regions.lower]
+law = "ownlaws:Plain"
+bulk = 6.0
+shear = 4.0
+[material.regions.upper]
+lame = [4.0, 4.0]
+[supports]
+"upper:top" = "clamped"
+[contact."lower:bottom"]
+normal = "signorini"
+"""
+MEMBRANE = """
+kind = "membrane"
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+[material]
+tension = 1.0
+[supports]
+left = 0.0
+[area]
+normal = {}
+"""
+HEAT = """
+[time]
+until = 1.0
+step = 0.5
+[heat]
+conductivity = 1.0
+capacity = 1.0
+[heat.contact.bottom]
+exchange = {}
+"""
+
+
+@pytest.mark.parametrize("text", [
+    on_law("'signorini'") + f"damping = {SPRING}\n", REGIONS, MEMBRANE.format(SPRING),
+    on_law("'signorini'") + HEAT.format(SPRING),
+])  # fmt: skip
+def test_every_table_that_names_a_law(code: list[str], text: str, tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="is code of your own"):
+        parse_problem(text)
+    stated = parse_problem_file(text, tmp_path, code=code)
+    again = parse_problem_file(problem_text(stated), tmp_path, code=code)
+    assert problem_text(again) == problem_text(stated)
+    assert "ownlaws:" in problem_text(stated)
+
+
 def test_a_memory_marches_as_in_python() -> None:
     text = on_law("{ law = 'compliance', stiffness = 30 }", "{ law = 'tresca', bound = 0.05, of = 'rate' }")
     text += "memory = [{ kind = 'tests.stranger:Fading', rate = 3.0 }]\n"
@@ -294,7 +351,7 @@ def test_friction_has_its_own_kind_of_class(code: list[str]) -> None:
         (["own laws"], "is neither a module nor a Python file"),
         (["a/ownlaws.py", "b/ownlaws.py"], "'a/ownlaws.py' and 'b/ownlaws.py' have one name; rename one"),
         (["./ownlaws.py"], "allowed code 'ownlaws.py': there is no such file"),
-        ("ownlaws", "code is the text 'ownlaws'; give a list of modules and files"),
+        ("ownlaws", "code is 'ownlaws'; give a list of modules and files"),
     ],
 )
 def test_code_that_makes_no_sense(

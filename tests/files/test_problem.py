@@ -371,10 +371,10 @@ NAMED = [*NORMAL_LAWS.values(), *COUPLED_LAWS.values(), *FRICTION_LAWS.values(),
 def test_every_argument_of_a_named_law_is_stated(entry: LawEntry) -> None:
     names = [name for name in inspect.signature(entry.build).parameters if name not in NOT_IN_FILES]
     assert [p.name for p in entry.parameters] == names
-    assert all(p.said.says and p.said.unit for p in entry.parameters)
+    assert all(p.stated.says and p.stated.unit for p in entry.parameters)
     if dataclasses.is_dataclass(entry.build):
         assert entry.name == getattr(entry.build, "kind" if entry.kind is LawKind.MATERIAL else "name")
-    if not any(p.said.form is Form.FILE for p in entry.parameters):
+    if not any(p.stated.form is Form.FILE for p in entry.parameters):
         made = entry.make(**{p.key: p.shown for p in entry.parameters if p.required or p.key == "potential"})
         kinds = {LawKind.FRICTION: Friction, LawKind.MATERIAL: Material}
         assert isinstance(made, kinds.get(entry.kind, Superpotential | VectorLaw))

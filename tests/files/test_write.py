@@ -168,7 +168,7 @@ def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.laws.Superpotenti
             continue
         if parameter.key == "derivative" or (parameter.key == "potential" and "derivative" in values):
             continue  # one of the two is given; test_derivative_formulas writes the other
-        match parameter.said.form:
+        match parameter.stated.form:
             case Form.QUANTITY:
                 values[parameter.key] = draw(st.floats(1.0, 9.0) | st.sampled_from(POSITIVE).map(Formula))
                 if parameter.key in ("reach", "base", "compression"):
@@ -186,9 +186,9 @@ def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.laws.Superpotenti
             case Form.FILE:
                 values[parameter.key] = slip if entry in FRICTION_LAWS.values() else law
             case Form.TEXT:
-                values[parameter.key] = draw(st.sampled_from(parameter.said.choices or (parameter.shown,)))
+                values[parameter.key] = draw(st.sampled_from(parameter.stated.choices or (parameter.shown,)))
             case Form.LIST:
-                values[parameter.key] = parameter.said.example or draw(st.sampled_from([(0.5, 2.0), (0.25, 0.75)]))
+                values[parameter.key] = parameter.stated.example or draw(st.sampled_from([(0.5, 2.0), (0.25, 0.75)]))
     if values.get("extend") == "linear" and entry in FRICTION_LAWS.values():
         values["extend"] = "constant"  # the table falls
     if {"softening", "energy"} <= values.keys():

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from hemivar.basics.arguments import shortened
+from hemivar.basics.arguments import described, expect, shortened
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 
@@ -66,8 +66,10 @@ def class_named(name: str, code: Sequence[str]) -> type | None:
 
 def checked_code(code: Sequence[str]) -> dict[str, str]:
     """What the user allows, by names of modules: each with its file, empty for what Python finds itself."""
-    if isinstance(code, str | bytes):
-        raise ProblemError(f"code is the text {code!r}; give a list of modules and files, such as ['mymodule']")
+    if isinstance(code, str | bytes) or not isinstance(code, Sequence):
+        raise ProblemError(f"code is {described(code)}; give a list of modules and files, such as ['mymodule']")
+    for one in code:
+        expect(one, str | os.PathLike, "an entry of code", "give the name of a module or a file, such as 'mymodule'")
     allowed: dict[str, str] = {}
     for one in map(os.fspath, code):
         file = one if one.endswith(".py") or os.path.basename(one) != one else ""

@@ -23,6 +23,7 @@ from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.user_code import checked_code
 from hemivar.bounds import exact_distance
 from hemivar.bounds.exact_certificate import statement_of
 from hemivar.bounds.scalar_distance import scalar_distance
@@ -116,6 +117,7 @@ class StudyOptions:
                 "out, or take jobs = 1"
             )
         expect(self.exact, bool, "exact", "give True or False")
+        checked_code(self.code)
         if self.known is not None and not isinstance(self.known, KnownField):
             listed: Sequence[str] = expect(
                 self.known, Sequence, "known", "give a formula of x and y for each component"

@@ -21,6 +21,7 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array
+from hemivar.basics.user_code import checked_code
 from hemivar.branches import SolutionsOptions
 from hemivar.branches.solutions import finding
 from hemivar.certificates import smallness
@@ -151,9 +152,10 @@ class SweepOptions:
     checkpoint: str | Path | None = None
     changes: tuple[Change, ...] = ()
     must_keep: bool = True
-    code: tuple[str, ...] = ()
+    code: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        checked_code(self.code)
         whole_number(self.jobs, "jobs", 1)
         expect(self.search, SolutionsOptions, "search", "pass SolutionsOptions(starts=...)")
         if self.search.controls.callback is not None:
@@ -250,7 +252,7 @@ class _Task:
     source: Callable[..., ProblemLike] | tuple[str, str, str]
     search: SolutionsOptions
     changes: tuple[Change, ...]
-    code: tuple[str, ...]
+    code: Sequence[str]
 
 
 @known_keywords
@@ -306,7 +308,7 @@ def sweep(
         There are no parameters or too many points, or every point fails.
     """
     search = SolutionsOptions(starts, max_solutions, seed, Controls() if controls is None else controls)
-    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes), code=tuple(code))))
+    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes), code=code)))
 
 
 @expecting(options=SweepOptions)
