@@ -67,8 +67,8 @@ _FALLS, _CUTS = 1.1, 4
 _OUTWARD = (1e-6, 1e-3, 1e-2, 5e-2, 0.2)
 #: Parts of the load of a first opening, as if the body were linear, by which its direction is sought.
 _SMALL = tuple(10.0**-k for k in range(1, 5))
-#: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere. The tests pass
-#: with 0.8 for the first as well.
+#: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
+#: The tests pass with 0.8 for the first as well.
 _LEAST, _MOST = 0.5, 2.5
 #: Its multiples, less whole numbers, fill an interval evenly and meet no period of a load.
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
