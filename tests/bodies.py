@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict, Unpack
 
-from hemivar.laws import Superpotential
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hemivar.discrete import DiscreteProblem
+from hemivar.laws import ContactLaw, Superpotential, VectorLaw
 from hemivar.mechanics import Branch, Clamped, Contact, ContactProblem, Fixed, Material, Quadrature, Roller
 from hemivar.mechanics.conditions import ScalarData, Support, Traction, VectorData
 from hemivar.mechanics.moduli import Moduli, Number, Viscosity
@@ -126,3 +130,38 @@ def column(
     if top is not None:
         supports["top"] = top
     return body(rectangle(size, cells, pattern), contact, lame=lame, viscosity=viscosity, supports=supports, **made)
+
+
+def glued_plate(
+    contact: VectorLaw | Mapping[str, Contact], load: tuple[float, float] = (12.0, 20.0), cells: int = 4
+) -> ContactProblem:
+    """A stiff plate of 1 by 1/2, clamped on the left and pulled at its top off what its bottom stands on."""
+    if isinstance(contact, VectorLaw):
+        contact = {"bottom": Contact(contact)}
+    made = Material.young(3000.0, 0.3)
+    return strip(contact, (2 * cells, cells), size=(1.0, 0.5), material=made, tractions={"top": load})
+
+
+#: Hencky's material of tests: its bulk and shear moduli, the part of shear that is left, and its size of strain.
+BULK, SHEAR, LEFT, SIZE = 20.0 / 3.0, 4.0, 0.25, 0.05
+
+
+def hencky(left: float = LEFT, scale: float = 1.0, plane: str = "strain") -> Material:
+    """That material; with ``left`` 1 it is linear, and ``scale`` changes the unit of stress."""
+    return Material.hencky(scale * BULK, scale * SHEAR, left, SIZE, plane)
+
+
+def points_on_springs(
+    stiffness: ArrayLike, load: ArrayLike, law: ContactLaw | VectorLaw, components: int = 1, gap: float = 0.0
+) -> DiscreteProblem:
+    """Contact points whose displacements are all unknowns; a matrix (n, n), or the stiffness of each spring."""
+    force = np.asarray(load, dtype=float)
+    stiffness, count = np.asarray(stiffness, dtype=float), force.size // components
+    matrix = stiffness if stiffness.ndim else stiffness * np.eye(force.size)
+    weights, gaps = np.ones(count), np.full(count, gap)
+    return DiscreteProblem.of_arrays(matrix, force, np.eye(force.size), weights, gaps, law.at(None))
+
+
+def opened_point(springs: float, load: ArrayLike, law: VectorLaw) -> DiscreteProblem:
+    """A point on two equal springs, opened and sheared by a load (2,)."""
+    return points_on_springs(springs, np.asarray(load, dtype=float) * [-1.0, 1.0], law, 2)

@@ -827,3 +827,20 @@ def test_tests_are_found_by_the_name_of_what_they_test() -> None:
     files = list((ROOT / "tests").rglob("test_*.py"))
     lost = [str(test.relative_to(ROOT)) for test in files if module_of(test) is None]
     assert len(lost) <= 0.2 * len(files), lost
+
+
+#: Names that helper functions share in three files of tests or more.
+RECURRING = 10
+
+
+def test_helpers_of_tests_say_what_they_build() -> None:
+    """Take a builder of ``tests/bodies.py``, or let the name say what is built: no ``block`` in a fifth file."""
+    homes: dict[str, set[str]] = defaultdict(set)
+    for file in sources(ROOT, "tests"):
+        for node in file.tree.body:
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith(("test_", "pytest_")):
+                marks = " ".join(map(ast.unparse, node.decorator_list))
+                homes["fixture" if "fixture" in marks else node.name].add(file.file)
+    del homes["fixture"]
+    often = {name: sorted(found) for name, found in homes.items() if len(found) > 2}
+    assert len(often) <= RECURRING, often

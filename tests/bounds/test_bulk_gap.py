@@ -16,9 +16,8 @@ from hemivar.errors import ProblemError
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mechanics import Clamped, ContactProblem, Material
 from hemivar.mesh import box, rectangle
+from tests.bodies import BULK, LEFT, SHEAR, SIZE, hencky
 from tests.bounds.bodies import shaken
-
-BULK, SHEAR, SOFTENED, STRAIN = 20.0 / 3.0, 4.0, 0.25, 0.05
 
 
 def conjugate(stress: Array) -> float:
@@ -27,10 +26,10 @@ def conjugate(stress: Array) -> float:
     size = float(np.linalg.norm(stress - mean * np.eye(3)))
 
     def force(t: float) -> float:
-        return 2.0 * SHEAR * (SOFTENED + (1.0 - SOFTENED) / np.sqrt(1.0 + (t / STRAIN) ** 2)) * t
+        return 2.0 * SHEAR * (LEFT + (1.0 - LEFT) / np.sqrt(1.0 + (t / SIZE) ** 2)) * t
 
-    t = brentq(lambda t: force(t) - size, 0.0, size / (2.0 * SHEAR * SOFTENED) + 1e-30, xtol=1e-16, rtol=1e-14)
-    stored = SHEAR * SOFTENED * t**2 + 2.0 * SHEAR * (1.0 - SOFTENED) * STRAIN**2 * (np.hypot(1.0, t / STRAIN) - 1.0)
+    t = brentq(lambda t: force(t) - size, 0.0, size / (2.0 * SHEAR * LEFT) + 1e-30, xtol=1e-16, rtol=1e-14)
+    stored = SHEAR * LEFT * t**2 + 2.0 * SHEAR * (1.0 - LEFT) * SIZE**2 * (np.hypot(1.0, t / SIZE) - 1.0)
     return float((3.0 * mean) ** 2 / (18.0 * BULK) + size * t - stored)
 
 
@@ -52,10 +51,6 @@ def shaken_body(dim: int, material: Material, order: int = 1) -> ContactProblem:
     return ContactProblem(
         mesh=mesh, material=material, supports={"left": Clamped()}, body_force=(0.3, -0.2, 0.1)[:dim], order=order
     )
-
-
-def hencky(softened: float = SOFTENED, **options: str) -> Material:
-    return Material.hencky(BULK, SHEAR, softened, STRAIN, **options)
 
 
 def stress_of(problem: ContactProblem, size: float, seed: int = 0) -> AdmissibleStress:
@@ -115,7 +110,7 @@ def test_regions_take_part_each_with_its_own_material() -> None:
 
 def test_units_do_not_matter() -> None:
     one = stress_of(shaken_body(2, hencky()), 0.05).misfit
-    scaled = replace(shaken_body(2, Material.hencky(1e9 * BULK, 1e9 * SHEAR, SOFTENED, STRAIN)), body_force=(3e8, -2e8))
+    scaled = replace(shaken_body(2, Material.hencky(1e9 * BULK, 1e9 * SHEAR, LEFT, SIZE)), body_force=(3e8, -2e8))
     assert stress_of(scaled, 0.05).misfit == pytest.approx(1e9 * one, rel=1e-9)
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.branches import follow, follow_path
@@ -15,24 +14,12 @@ from hemivar.branches.path import PathEnd
 from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.vector_law import OnGraph
 from hemivar.systems import condense
+from tests.bodies import points_on_springs
 from tests.samples import sampled, slow
 
 from .test_path_peel import load_where, pair
 
 L = hv.laws
-
-
-def arrays(stiffness: np.ndarray, load: np.ndarray, law: VectorLaw, components: int) -> hv.DiscreteProblem:
-    """Points whose local displacements are all unknowns."""
-    n = len(stiffness)
-    return hv.DiscreteProblem.of_arrays(
-        stiffness=sp.csr_array(stiffness),
-        load=load,
-        trace=sp.csr_array(np.eye(n)),
-        weights=np.ones(n // components),
-        gap=np.zeros(n // components),
-        law=law.at(None),
-    )
 
 
 def glue_on_a_line(alpha: float, strength: float = 2.4, stiffness: float = 24.0, ratio: float = 1.0) -> VectorLaw:
@@ -52,7 +39,7 @@ def test_a_point_of_glue_on_a_spring_turns_where_the_closed_form_does(
     way = np.zeros(components)
     way[:2] = -np.cos(angle), np.sin(angle)
     law = glue_on_a_line(36.0 / unit, stiffness=24.0 / unit)
-    problem = arrays(np.eye(components) * 12.0 / unit, 12.0 * way, law, components)
+    problem = points_on_springs(np.eye(components) * 12.0 / unit, 12.0 * way, law, components)
     path = follow_path(problem, (0.0, 0.5))
     np.testing.assert_allclose([fold.load_factor for fold in path.folds], [0.3, 1.0 / 6.0], rtol=1e-9)
     np.testing.assert_allclose(path.local[[f.index for f in path.folds], 0] @ way, [0.1 * unit, unit / 6.0], rtol=1e-8)
@@ -75,7 +62,7 @@ def test_two_points_branch_at_the_corner_where_the_other_mode_loses_its_stiffnes
     """
     stiffness = np.kron([[12.0, 6.0], [6.0, 12.0]], np.eye(2)) / unit
     law = glue_on_a_line(10.0 / unit, stiffness=24.0 / unit)
-    path = follow_path(arrays(stiffness, np.array([-1.0, 0.0, -1.0, 0.0]), law, 2), (0.0, 10.0))
+    path = follow_path(points_on_springs(stiffness, np.array([-1.0, 0.0, -1.0, 0.0]), law, 2), (0.0, 10.0))
     assert not path.perturbed
     assert not path.folds
     onset, broken = 18.0 * 0.1 + 2.4, 18.0 * 0.34
@@ -107,7 +94,7 @@ def test_the_chart_finds_the_path_of_the_scalar_curves(seed: int, monkeypatch: p
     spread = random.normal(size=(n, n))
     law = L.Softening(stiffness=60.0, limit=0.02, softening=float(random.uniform(2.0, 40.0)))
     stiffness = spread @ spread.T / n * 10.0 + 4.0 * np.eye(n)
-    problem = arrays(stiffness, random.uniform(0.1, 1.0, n), ContactLaw(law), 1)
+    problem = points_on_springs(stiffness, random.uniform(0.1, 1.0, n), ContactLaw(law), 1)
     one = follow_path(problem, (0.0, 2.0))
     monkeypatch.setattr(follow, "_curves", lambda system, begun: chart_of(system, begun.local, begun.multiplier))
     other = follow_path(problem, (0.0, 2.0))
@@ -171,7 +158,7 @@ def test_random_paths_of_coupled_glue_are_equilibria_and_end_at_solutions(seed: 
     load = random.normal(size=n) * 3.0
     load[::components] = -np.abs(load[::components])
     law = glue_on_a_line(float(random.uniform(4.0, 60.0)), ratio=float(random.uniform(0.5, 2.0)))
-    path = follow_path(arrays(stiffness, load, law, components), (0.0, 4.0), max_points=3000)
+    path = follow_path(points_on_springs(stiffness, load, law, components), (0.0, 4.0), max_points=3000)
     assert path.reached_end, path.ended
     assert equilibrium_error(path, stiffness, load) <= 1e-8
     t = path.load_factor
@@ -203,7 +190,7 @@ def test_contact_points_that_a_support_holds_in_part_are_followed() -> None:
 @pytest.mark.parametrize(("name", "value", "load"), [("max-opening", 0.15, 0.2), ("normal-force", -1.2, 0.1 + 0.05)])
 def test_a_path_ends_where_a_quantity_has_its_value(unit: float, name: str, value: float, load: float) -> None:
     """Softening, u = .15 carries .6: 12 (t - .15) = .6.  Before onset 24 u = 1.2 gives 12 (t - .05) = 1.2."""
-    problem = arrays(
+    problem = points_on_springs(
         np.eye(2) * 12.0 / unit, np.array([-12.0, 0.0]), glue_on_a_line(36.0 / unit, stiffness=24.0 / unit), 2
     )
     size = unit if name == "max-opening" else 1.0
@@ -261,7 +248,7 @@ def test_falling_directions_of_a_law_of_the_state_are_counted_as_by_eigenvalues(
     stiffness = root @ root.T + 8.0 * np.eye(n)
     criterion = L.BenzeggaghKenane(0.3, 0.6, 1.5)
     law = L.ModeDependentGlue(4.0, 4.5, 40.0, criterion, compression=hv.Compliance(100.0))
-    system = condense(arrays(stiffness, np.ones(n), law, components))
+    system = condense(points_on_springs(stiffness, np.ones(n), law, components))
     r = -0.1 * rng.uniform(0.2, 2.0, (n // components, components))
     chart = chart_of(system, r, system.law.nearest_multiplier(r, np.zeros_like(r)))
     theta, side = chart.nearest(r, system.law.nearest_multiplier(r, np.zeros_like(r)))
@@ -273,7 +260,7 @@ def test_falling_directions_of_a_law_of_the_state_are_counted_as_by_eigenvalues(
     little = 1e-7 * np.eye(n)
     slopes = np.array([(pulled(r.ravel() + one) - pulled(r.ravel() - one)) / 2e-7 for one in little]).T
     for scale in (0.02, 0.3, 1.0):  # a soft body has more falling directions than a stiff one
-        own = replace(chart, system=condense(arrays(scale * stiffness, np.ones(n), law, components)))
+        own = replace(chart, system=condense(points_on_springs(scale * stiffness, np.ones(n), law, components)))
         falling = np.linalg.eigvals(scale * stiffness + slopes).real
         assert own.negative(theta, side) == int((falling < 0.0).sum())
 
@@ -288,7 +275,7 @@ def test_a_step_asks_no_more_of_a_curved_law_than_it_must(monkeypatch: pytest.Mo
         return on_graph(law, p, a)
 
     monkeypatch.setattr(L.MixedMode, "on_graph", counted)
-    problem = arrays(np.diag([12.0, 9.0]), np.array([-12.0, 4.0]), glue_on_a_line(36.0, ratio=0.7), 2)
+    problem = points_on_springs(np.diag([12.0, 9.0]), np.array([-12.0, 4.0]), glue_on_a_line(36.0, ratio=0.7), 2)
     path = follow_path(problem, (0.0, 2.0), largest_step=2e-3)
     assert int(path.curved.sum()) >= 30
     assert len(calls) <= 9 * len(path)

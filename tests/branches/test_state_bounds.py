@@ -11,6 +11,7 @@ from hemivar.certificates import certify, smallness
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, Tresca
 from hemivar.solvers import FixedPoint, LoadStepping, Status, solve
+from tests.bodies import points_on_springs
 
 
 def sliding_point(
@@ -18,7 +19,7 @@ def sliding_point(
 ) -> DiscreteProblem:
     """One contact point on springs of stiffness 1."""
     law = ContactLaw(Compliance(stiffness), friction)
-    return DiscreteProblem.of_arrays(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)
+    return points_on_springs(1.0, load, law, 2)
 
 
 def weakening(rate: float = 200.0) -> DiscreteProblem:

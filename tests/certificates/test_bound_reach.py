@@ -10,9 +10,10 @@ import pytest
 
 from hemivar.certificates import Certificate, PointKind, certify
 from hemivar.discrete import DiscreteProblem
-from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, Superpotential, plus
+from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, plus
 from hemivar.laws.stacked import stack
 from hemivar.solvers import solve
+from tests.bodies import points_on_springs
 from tests.samples import sampled
 
 FALLING = {
@@ -23,12 +24,6 @@ FALLING = {
         lambda reach: 30.0 * np.exp(reach / 0.05) * (2.0 / 0.05 + reach / 0.05**2),
     ),
 }
-
-
-def one_point(law: Superpotential, stiffness: float, load: float) -> DiscreteProblem:
-    return DiscreteProblem.of_arrays(  # type: ignore[arg-type]
-        np.eye(1) * stiffness, np.array([load]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law)
-    )
 
 
 def certified(problem: DiscreteProblem) -> Certificate:
@@ -63,7 +58,7 @@ def test_it_is_the_only_solution_within_the_reach(text: str, reach: float) -> No
     slope, claimed = FALLING[text][0], 0
     for stiffness in (50.0, 3e3):
         for load in (1.1, -0.9, 40.3):
-            certificate = certified(one_point(FormulaLaw(text, reach=reach), stiffness, load))
+            certificate = certified(points_on_springs(stiffness, [load], ContactLaw(FormulaLaw(text, reach=reach))))
             if certificate.unique is None:
                 continue
             assert isinstance(certificate.unique, str)
@@ -91,7 +86,7 @@ def test_slips_have_a_reach_too() -> None:
 
 
 def test_a_solution_outside_of_the_reach_is_not_called_the_only_one() -> None:
-    certificate = certified(one_point(FormulaLaw("r^3", reach=1e-4), 3e3, 1.0))
+    certificate = certified(points_on_springs(3e3, [1.0], ContactLaw(FormulaLaw("r^3", reach=1e-4))))
     assert certificate.unique is None
     (reason,) = certificate.warnings
     assert reason.startswith("the penetration 0.0003333 lies outside of the reach 0.0001 of its law")
@@ -105,4 +100,4 @@ def test_samples_prove_nothing_within_a_reach() -> None:
     words = str(law.describe())
     assert "alpha = 12 (sampled)" in words
     assert "falls without bound far out" in words
-    assert certified(one_point(law, 3e3, 1.0)).unique is None
+    assert certified(points_on_springs(3e3, [1.0], ContactLaw(law))).unique is None

@@ -217,7 +217,7 @@ def test_an_eigenvalue_is_told_from_one_or_not_given(value: float, monkeypatch: 
     assert found is not None
     assert value * (1.0 - 1e-3) <= found.value <= value * (1.0 + 1e-9) <= found.bound * (1.0 + 2e-9)
     assert (found.value > 1.0, found.bound > 1.0) == (value > 1.0, value > 1.0)
-    monkeypatch.setattr(by_multigrid, "_STEPS", 0)
+    monkeypatch.setattr(by_multigrid, "_EFFORT", by_multigrid._Effort(steps=0))
     rough = _multigrid(problem).constrained(rows, value / top * ones, free)
     assert rough is None or (rough.value > 1.0, rough.bound > 1.0) == (value > 1.0, value > 1.0)
     if value == 0.999:
@@ -374,7 +374,7 @@ def test_the_coarsest_level_by_a_dense_matrix_or_by_lanczos_steps(
 ) -> None:
     problem = make()
     dense = norms_of(problem)
-    monkeypatch.setattr(by_multigrid, "_DENSE", 3)
+    monkeypatch.setattr(by_multigrid, "DENSE", 3)
     np.testing.assert_allclose(norms_of(problem), dense, rtol=3e-3)
     exact = EnergyNorm(problem.stiffness)
     weight = np.repeat(problem.contact.weights, problem.contact.components)

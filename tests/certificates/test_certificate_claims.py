@@ -26,17 +26,13 @@ from tests import bodies
 from tests.certificates.problems import bar_problem, bar_unknowns, softening
 
 
-def spring(law: ContactLaw, load: float, stiffness: float = 1.0) -> DiscreteProblem:
-    return DiscreteProblem.of_arrays([[stiffness]], [load], np.eye(1), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
-
-
 def test_where_no_energy_is_least_nothing_is_said_of_other_solutions() -> None:
     """On a slope that falls for ever the energy has no lower bound, and so no other point that must be a solution."""
     endless = ContactLaw(PiecewiseQuadratic([0.0], [-2.0, -2.0], [0.0]), NoFriction())  # type: ignore[arg-type]
-    found = certify(spring(endless, -0.5), np.array([0.5]))  # u - 2 u = f
+    found = certify(bodies.points_on_springs(1.0, [-0.5], endless), np.array([0.5]))  # u - 2 u = f
     assert (found.kind, found.unique) == (PointKind.MAXIMUM, None)
     ends = ContactLaw(softening(8.0, 0.1, 2.0), NoFriction())
-    found = certify(spring(ends, 0.15 + 0.8 - 0.1), np.array([0.15]))
+    found = certify(bodies.points_on_springs(1.0, [0.15 + 0.8 - 0.1], ends), np.array([0.15]))
     assert (found.kind, found.unique) == (PointKind.MAXIMUM, False)
 
 
@@ -57,7 +53,7 @@ def test_a_convex_law_leaves_global_minimisers_only() -> None:
 
 
 def test_a_pair_that_is_off_is_not_called_stationary_but_its_problem_may_have_one_solution() -> None:
-    problem = spring(ContactLaw(Compliance(3.0)), 1.0)
+    problem = bodies.points_on_springs(1.0, [1.0], ContactLaw(Compliance(3.0)))
     found = certify(problem, np.array([0.3]))
     assert (found.kind, found.unique, found.stationary) == (PointKind.NOT_STATIONARY, True, False)
     assert (found.curvature, found.direction) == (None, None)
@@ -68,7 +64,7 @@ def test_a_pair_that_is_off_is_not_called_stationary_but_its_problem_may_have_on
 @pytest.mark.parametrize(("off", "tolerance", "expected"), [(1e-3, 1e-2, True), (1e-3, 1e-4, False), (0.0, 0.0, True)])
 def test_stationary_is_a_matter_of_the_tolerance(off: float, tolerance: float, expected: bool) -> None:
     """A pair that is off by a thousandth of the load, in equilibrium alone."""
-    problem = spring(ContactLaw(Compliance(3.0)), 1.0)
+    problem = bodies.points_on_springs(1.0, [1.0], ContactLaw(Compliance(3.0)))
     found = certify(problem, np.array([0.25]), np.array([[0.75 + off]]), tolerance=tolerance)
     assert found.stationary is expected
 

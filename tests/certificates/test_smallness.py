@@ -110,7 +110,7 @@ def test_ellipticity(material: Material, expected: float) -> None:
 def weakening_point(bound: StateBound, load: tuple[float, float] = (1.0, 0.05)) -> DiscreteProblem:
     """Springs of stiffness 1, a foundation of stiffness 0.5, friction that weakens by 2 per length of slip."""
     law = ContactLaw(Compliance(0.5), Friction(bound, weakening(0.4, 2.0)))
-    return DiscreteProblem.of_arrays(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)
+    return bodies.points_on_springs(1.0, load, law, 2)
 
 
 def test_a_bound_that_no_penetration_changes_is_known_without_a_solution() -> None:

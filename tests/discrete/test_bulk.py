@@ -41,7 +41,7 @@ def test_energy_and_sizes_by_hand() -> None:
 def test_sums_of_rows_do_not_depend_on_how_many_are_summed_in_one_go(
     portion: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bulk, "_PORTION", portion)
+    monkeypatch.setattr(bulk, "PORTION", portion)
     np.testing.assert_array_equal(Quadratic(K).row_sums, [5.0, 6.0, 7.0])
 
 

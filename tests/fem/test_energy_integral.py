@@ -15,8 +15,8 @@ from hemivar.discrete.potential import Potential
 from hemivar.fem import discretize
 from hemivar.fem.fields import stress, von_mises
 from hemivar.mechanics.material import Material
+from tests.bodies import BULK, LEFT, SHEAR, SIZE, hencky
 
-BULK, SHEAR, LEFT, SIZE = 20 / 3, 4.0, 0.25, 0.05
 KINDS = [(2, 1, "strain"), (2, 1, "stress"), (2, 2, "strain"), (2, 2, "stress"), (3, 1, "strain")]
 
 
@@ -34,10 +34,6 @@ def statement(material: Material, dim: int, order: int = 1, cells: int = 3, **mo
     )
 
 
-def hencky(left: float = LEFT, plane: str = "strain") -> Material:
-    return Material.hencky(BULK, SHEAR, left, SIZE, plane)
-
-
 def somewhere(problem: DiscreteProblem, seed: int = 0) -> Array:
     return 0.05 * np.random.default_rng(seed).normal(size=problem.unknowns)
 
@@ -46,7 +42,7 @@ def somewhere(problem: DiscreteProblem, seed: int = 0) -> Array:
 def test_a_linear_material_as_a_potential(dim: int, order: int, plane: str) -> None:
     """Same energy, forces and stiffness of a displacement, entry by entry."""
     linear = discretize(statement(Material.lame(4.0, 4.0, plane), dim, order))
-    other = discretize(statement(hencky(1.0, plane), dim, order))
+    other = discretize(statement(hencky(1.0, plane=plane), dim, order))
     u = somewhere(linear)
     v = u - other.field.origin
     np.testing.assert_allclose(other.field.full(v), linear.field.full(u), atol=1e-13)

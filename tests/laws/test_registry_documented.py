@@ -91,12 +91,12 @@ def test_the_page_about_problem_files_gives_limits_and_defaults(title: str, entr
     found = rows(title)
     for name, entry in entries.items():
         cell = found[name].split("|")[-2]
-        for p in (p for p in entry.parameters if p.said.form is Form.QUANTITY):
+        for p in (p for p in entry.parameters if p.stated.form is Form.QUANTITY):
             tail = re.split(rf"`{p.key}`", cell)[1].split("`")[0]
             limit, default = re.match(r" (>=?) (\d+)", tail), re.search(r"default ([\d.]+)", tail)
-            kind = ">" if p.said.above is not None else ">=" if p.said.least is not None else ""
+            kind = ">" if p.stated.above is not None else ">=" if p.stated.least is not None else ""
             assert (limit[1] if limit else "") == kind, (name, p.key)
-            assert limit is None or float(limit[2]) == p.said.lowest, (name, p.key)
+            assert limit is None or float(limit[2]) == p.stated.lowest, (name, p.key)
             assert (float(default[1]) if default else None) == p.default, (name, p.key)
 
 
@@ -105,7 +105,7 @@ def test_what_the_registry_says_of_zero_is_what_the_law_does(name: str) -> None:
     """The table of ``hemivar laws`` says *at least 0* where zero is taken, and *positive* where it is refused."""
     entry = (NORMAL_LAWS | FRICTION_LAWS | COUPLED_LAWS)[name]
     given = {p.key: p.shown for p in entry.parameters if p.required}
-    for p in (p for p in entry.parameters if p.said.lowest == 0.0 and p.said.form is Form.QUANTITY):
+    for p in (p for p in entry.parameters if p.stated.lowest == 0.0 and p.stated.form is Form.QUANTITY):
         if (name, p.key) == ("mixed-mode", "plateau"):  # which only one of its shapes has
             continue
         try:
@@ -114,4 +114,4 @@ def test_what_the_registry_says_of_zero_is_what_the_law_does(name: str) -> None:
             refused = ""
         except hv.HemivarError as error:
             refused = str(error)
-        assert (p.said.above == 0.0) == ("positive" in refused), (p.key, refused)
+        assert (p.stated.above == 0.0) == ("positive" in refused), (p.key, refused)

@@ -111,9 +111,9 @@ def row_of_files(entry: LawEntry) -> tuple[str, str]:
 
 def _parameter(one: Argument) -> str:
     text = f"`{one.key}`"
-    if one.said.form is Form.QUANTITY:
-        limit = ">" if one.said.above is not None else ">=" if one.said.least is not None else ""
-        text += f" {limit} {one.said.lowest:g}" if limit else ""
+    if one.stated.form is Form.QUANTITY:
+        limit = ">" if one.stated.above is not None else ">=" if one.stated.least is not None else ""
+        text += f" {limit} {one.stated.lowest:g}" if limit else ""
     return text if one.default is None else f"{text}, default {one.default:g}" if _is_number(one.default) else text
 
 

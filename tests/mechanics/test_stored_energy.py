@@ -12,13 +12,9 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.material import Material
+from tests.bodies import BULK, LEFT, SHEAR, SIZE, hencky
 
-BULK, SHEAR, LEFT, SIZE = 20 / 3, 4.0, 0.25, 0.05
 PLANES = [(2, "strain"), (2, "stress"), (3, "strain")]
-
-
-def hencky(plane: str = "strain") -> Material:
-    return Material.hencky(BULK, SHEAR, LEFT, SIZE, plane)
 
 
 def strains(dim: int, count: int = 40, seed: int = 0) -> tuple[Array, Array]:
@@ -45,7 +41,7 @@ def richardson(function: object, strain: Array) -> Array:
 
 @pytest.mark.parametrize(("dim", "plane"), PLANES)
 def test_the_stress_and_the_tangent_are_derivatives(dim: int, plane: str) -> None:
-    material, (points, strain) = hencky(plane), strains(dim)
+    material, (points, strain) = hencky(plane=plane), strains(dim)
     stress, tangent = material.stress(points, strain), material.tangent(points, strain)
     found = richardson(lambda e: material.energy(points, e), strain)
     np.testing.assert_allclose(found, stress, rtol=1e-7, atol=1e-8 * np.abs(stress).max())
@@ -56,7 +52,7 @@ def test_the_stress_and_the_tangent_are_derivatives(dim: int, plane: str) -> Non
 
 @pytest.mark.parametrize(("dim", "plane"), PLANES)
 def test_the_tangent_lies_between_its_bounds(dim: int, plane: str) -> None:
-    material, (points, strain) = hencky(plane), strains(dim, 400)
+    material, (points, strain) = hencky(plane=plane), strains(dim, 400)
     tangent = material.tangent(points, strain)
     low, up = material.lower_tensor(points), material.upper_tensor(points)
     assert np.linalg.eigvalsh(tangent - low).min() > -1e-12
@@ -103,7 +99,7 @@ def test_plane_strain_is_the_law_of_space_with_no_strain_across() -> None:
 def test_plane_stress_leaves_no_stress_across() -> None:
     """The strain across is found here by another method, and the energy is the least over it."""
     points, strain = strains(2, 12)
-    plane, whole = hencky("stress"), hencky()
+    plane, whole = hencky(plane="stress"), hencky()
     energy, stress = plane.energy(points, strain), plane.stress(points, strain)
     place = np.zeros((1, 3))
     for k in range(len(points)):

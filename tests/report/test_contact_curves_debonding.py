@@ -12,21 +12,14 @@ import pytest
 import hemivar as hv
 from hemivar.files import write_csv, write_json, write_vtu
 from hemivar.laws import BilinearCohesion, MixedMode, Signorini, Tresca
+from tests.bodies import glued_plate
 from tests.laws.coupled.test_opening_debonding import ENERGY, LAST, RATIO, STIFFNESS, STRENGTH, curve
 
-
-def glued() -> hv.ContactProblem:
-    """A block with glue below and a plain foundation at its side."""
-    return hv.ContactProblem(
-        hv.rectangle((1.0, 0.5), (8, 4)),
-        hv.Material.young(3000.0, 0.3),
-        {
-            "bottom": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFFNESS), RATIO)),
-            "right": hv.Contact(Signorini(), Tresca(0.4)),
-        },
-        {"left": hv.Clamped()},
-        tractions={"top": (-60.0, 60.0)},
-    )
+#: Glue below and a plain foundation at the side.
+BESIDE = {
+    "bottom": hv.Contact(MixedMode(BilinearCohesion(STRENGTH, ENERGY, STIFFNESS), RATIO)),
+    "right": hv.Contact(Signorini(), Tresca(0.4)),
+}
 
 
 def test_damage_is_drawn_and_the_pull_of_glue_is_peel() -> None:
@@ -39,12 +32,12 @@ def test_damage_is_drawn_and_the_pull_of_glue_is_peel() -> None:
     rows = dict(solution.summary().rows)
     assert float(rows["max peel"]) == pytest.approx(-solution.pressure.min(), rel=1e-5)
     assert "max pressure" not in rows
-    figure = hv.report.plot_contact(hv.solve(glued()))
+    figure = hv.report.plot_contact(hv.solve(glued_plate(BESIDE, (-60.0, 60.0))))
     assert [panel.get_ylabel() for panel in figure.axes if "damage" in panel.get_ylabel()] == ["damage"]
 
 
 def test_results_say_it(tmp_path: Path) -> None:
-    solution = hv.solve(glued())
+    solution = hv.solve(glued_plate(BESIDE, (-60.0, 60.0)))
     found = solution.debonding
     below = solution.contact.on("bottom")
     assert set(found) == {"damage", "dissipated", "mode_ratio"}

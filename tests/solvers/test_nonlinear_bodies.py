@@ -20,16 +20,12 @@ from hemivar.mechanics.material import Material
 from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, ProximalNewton, Search, Solver
 from hemivar.solvers.solve import suited
+from tests.bodies import BULK, LEFT, SHEAR, SIZE, hencky
 from tests.samples import sampled
 
-BULK, SHEAR, LEFT, SIZE = 20 / 3, 4.0, 0.25, 0.05
 FRICTIONS = (hv.laws.NoFriction(), hv.Tresca(0.1), hv.Coulomb(0.3))
 #: Laws of the block and the penetrations that belong to them, computed apart from one equation.
 BLOCK = [(hv.laws.ThresholdCompliance(0.3, 2.0), 0.062733873583324), (hv.Compliance(20.0), 0.034941569056)]
-
-
-def hencky(left: float = LEFT, scale: float = 1.0, plane: str = "strain") -> Material:
-    return Material.hencky(scale * BULK, scale * SHEAR, left, SIZE, plane)
 
 
 def lowered_block(law: Superpotential, cells: int = 4, order: int = 1, dim: int = 2) -> hv.ContactProblem:

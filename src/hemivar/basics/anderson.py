@@ -33,17 +33,17 @@ class Anderson:
     """
 
     def __init__(self) -> None:
-        self._places: list[Array] = []
+        self._iterates: list[Array] = []
         self._changes: list[Array] = []
         self._least, self._best = math.inf, (np.zeros(0), np.zeros(0))
         self._idle = self._walk = 0
         self._part = _PART
 
-    def after(self, place: Array, change: Array) -> Array:
+    def after(self, iterate: Array, change: Array) -> Array:
         """The next place (n,), after one (n,) that the map changes by ``change`` (n,)."""
         size = float(np.linalg.norm(change))
         if size < self._least:
-            self._least, self._best, self._idle = size, (place, change), 0
+            self._least, self._best, self._idle = size, (iterate, change), 0
             self._part = min(1.0, _LONGER * self._part)
         else:
             self._idle += 1
@@ -51,28 +51,28 @@ class Anderson:
         if self._walk:
             self._walk -= 1
             if not self._walk:
-                place, change = self._best
+                iterate, change = self._best
                 self._idle = 0
         elif self._idle >= _PATIENCE:
             self._walk, self._part = _WALK, _PART
-            self._places.clear()
+            self._iterates.clear()
             self._changes.clear()
         if self._walk:
-            best, way = self._best
-            return best + self._part * way
-        return self._mixed(place, change)
+            best, direction = self._best
+            return best + self._part * direction
+        return self._mixed(iterate, change)
 
-    def _mixed(self, place: Array, change: Array) -> Array:
+    def _mixed(self, iterate: Array, change: Array) -> Array:
         """The place that all places so far tell."""
-        self._places.append(place)
+        self._iterates.append(iterate)
         self._changes.append(change)
-        del self._places[: -place.size - 1], self._changes[: -place.size - 1]  # more say nothing new
-        if len(self._places) == 1:
-            return place + change
+        del self._iterates[: -iterate.size - 1], self._changes[: -iterate.size - 1]  # more say nothing new
+        if len(self._iterates) == 1:
+            return iterate + change
         turns = np.diff(np.column_stack(self._changes))
         sizes = np.linalg.norm(turns, axis=0)
         turns /= np.where(sizes > 0.0, sizes, 1.0)
         weights = la.lstsq(turns, change, cond=_ROUNDED, lapack_driver="gelsy", check_finite=False)[0]
         weights /= np.where(sizes > 0.0, sizes, 1.0)
-        steps = np.diff(np.column_stack(self._places))
-        return np.asarray(place + change - (steps + np.diff(np.column_stack(self._changes))) @ weights)
+        steps = np.diff(np.column_stack(self._iterates))
+        return np.asarray(iterate + change - (steps + np.diff(np.column_stack(self._changes))) @ weights)

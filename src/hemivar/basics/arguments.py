@@ -126,8 +126,8 @@ def _check(value: object, kind: _Wanted, name: str) -> None:
     elif isinstance(kind, FunctionType):
         kind(value, name)
     elif kind is float:
-        if not abs(found := number(value, name)) < _LARGEST:
-            raise ProblemError(f"{name} is {found:g}, beyond the range of numbers; give a smaller one")
+        if not abs(size := number(value, name)) < _LARGEST:
+            raise ProblemError(f"{name} is {size:g}, beyond the range of numbers; give a smaller one")
     elif kind is int:
         whole_number(value, name, 0)
     elif not (kind is bool and type(value).__name__ in ("bool", "bool_")):  # NumPy's as well
@@ -203,12 +203,12 @@ def whole_number(value: object, name: str, least: int) -> int:
     try:
         if isinstance(value, bool):
             raise TypeError
-        found = operator.index(value)  # type: ignore[arg-type]
+        whole = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
         raise ProblemError(f"{name} is {described(value)}; give a whole number >= {least}") from None
-    if found < least:
-        raise ProblemError(f"{name} is {found}; it must be at least {least}")
-    return found
+    if whole < least:
+        raise ProblemError(f"{name} is {whole}; it must be at least {least}")
+    return whole
 
 
 def number(value: object, name: str, what: str = "give a real number") -> float:
@@ -216,12 +216,12 @@ def number(value: object, name: str, what: str = "give a real number") -> float:
     if type(value) is float and not math.isnan(value):
         return value
     try:
-        found = float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else math.nan
+        real = float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else math.nan
     except OverflowError:  # an integer beyond all floats
-        found = math.nan
-    if math.isnan(found):
+        real = math.nan
+    if math.isnan(real):
         raise ProblemError(f"{name} is {described(value)}; {what}")
-    return found
+    return real
 
 
 def check_numbers(options: DataclassInstance) -> None:

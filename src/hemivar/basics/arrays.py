@@ -35,9 +35,9 @@ def real_array(value: object, name: str, ndim: int | None = None, *, finite: boo
     if ndim is not None and array.ndim != ndim:
         raise ProblemError(f"{name} has shape {array.shape}; it must have {ndim} {'axis' if ndim == 1 else 'axes'}")
     if finite and not np.isfinite(array).all():
-        place = np.unravel_index(int(np.flatnonzero(~np.isfinite(array).ravel())[0]), array.shape)
-        where = f"[{', '.join(map(str, place))}]" if place else ""
-        raise ProblemError(f"{name}{where} = {array[place]}; every number must be finite")
+        index = np.unravel_index(int(np.flatnonzero(~np.isfinite(array).ravel())[0]), array.shape)
+        where = f"[{', '.join(map(str, index))}]" if index else ""
+        raise ProblemError(f"{name}{where} = {array[index]}; every number must be finite")
     if own and (array.flags.writeable or np.may_share_memory(array, given)):
         array = array.copy()
         array.flags.writeable = False

@@ -140,15 +140,15 @@ def _function(function: types.FunctionType) -> Iterator[object]:
     names = _named(code)
     for name in names:
         if name in function.__globals__:
-            found = function.__globals__[name]
-            yield _used(name, found)
-            if isinstance(found, types.ModuleType):
-                yield from _used_of(found, names, ())
+            used = function.__globals__[name]
+            yield _used(name, used)
+            if isinstance(used, types.ModuleType):
+                yield from _used_of(used, names, ())
 
 
-def _used(name: str, found: object) -> tuple[str, object]:
+def _used(name: str, value: object) -> tuple[str, object]:
     """What counts of something that a function names."""
-    return name, found if isinstance(found, (*_PLAIN, *_CODE)) else type(found).__qualname__
+    return name, value if isinstance(value, (*_PLAIN, *_CODE)) else type(value).__qualname__
 
 
 def _used_of(module: types.ModuleType, names: list[str], inside: tuple[types.ModuleType, ...]) -> Iterator[object]:
@@ -157,10 +157,10 @@ def _used_of(module: types.ModuleType, names: list[str], inside: tuple[types.Mod
         return
     for name in names:
         if name in vars(module):
-            found = vars(module)[name]
-            yield _used(name, found)
-            if isinstance(found, types.ModuleType):
-                yield from _used_of(found, names, (*inside, module))
+            used = vars(module)[name]
+            yield _used(name, used)
+            if isinstance(used, types.ModuleType):
+                yield from _used_of(used, names, (*inside, module))
 
 
 def _installed(module: types.ModuleType) -> bool:

@@ -36,14 +36,14 @@ def defined_above(entry: str) -> Callable[..., Any] | None:
             if error.name == package:
                 return None
             raise
-        found: Callable[..., Any] = getattr(importlib.import_module(f"hemivar.{module}"), name)
-    return found
+        target: Callable[..., Any] = getattr(importlib.import_module(f"hemivar.{module}"), name)
+    return target
 
 
 def above(entry: str, what: str = "") -> Callable[..., Any]:
     """The function that an entry leads to; threads wait for one another."""
-    found = defined_above(entry)
-    if found is None:
+    target = defined_above(entry)
+    if target is None:
         package = _TABLE[entry].split(".")[0]
         raise MethodError(f"{what or entry} is part of hemivar.{package}, which is {MISSING}")
-    return found
+    return target

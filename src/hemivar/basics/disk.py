@@ -107,16 +107,16 @@ def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BY
     """
     name = path_of(path)
     try:
-        found = name.stat()
+        status = name.stat()
     except (OSError, ValueError) as error:  # a NUL in the name is a ValueError
         raise FileError(f"cannot read {what} {shown(path)}: {_reason(error)}") from error
-    if not stat.S_ISREG(found.st_mode):
-        kind = "a directory" if stat.S_ISDIR(found.st_mode) else "not a regular file (a pipe or a device)"
+    if not stat.S_ISREG(status.st_mode):
+        kind = "a directory" if stat.S_ISDIR(status.st_mode) else "not a regular file (a pipe or a device)"
         raise FileError(f"cannot read {what} {shown(path)}: it is {kind}; give the name of a regular file")
-    if found.st_size > most_bytes:
+    if status.st_size > most_bytes:
         raise FileError(
-            f"{what} {shown(path)} has {found.st_size / 2**20:.0f} MiB; at most {most_bytes / 2**20:.0f} MiB are read: "
-            "give a shorter file"
+            f"{what} {shown(path)} has {status.st_size / 2**20:.0f} MiB; "
+            f"at most {most_bytes / 2**20:.0f} MiB are read: give a shorter file"
         )
     noted = _noted.get()
     if noted is not None:
@@ -287,8 +287,8 @@ def _remove_leftovers(target: Path) -> None:
     """Remove temporary files of a target that processes left which were killed: old ones that nobody has locked."""
     name = re.compile(rf"\.{re.escape(target.stem[:40])}-[0-9a-f]{{12}}{re.escape(target.suffix)}")
     with contextlib.suppress(OSError, FileError):
-        for found in filter(name.fullmatch, os.listdir(target.parent)):
-            left = target.parent / found
+        for leftover in filter(name.fullmatch, os.listdir(target.parent)):
+            left = target.parent / leftover
             status = left.lstat()
             if not stat.S_ISREG(status.st_mode) or time.time() - status.st_mtime < _YOUNG:
                 continue
@@ -350,11 +350,11 @@ def same_file(one: str | Path, other: str | Path) -> bool:
 
 def _disk_error(error: BaseException, around: BaseException | None) -> OSError | None:
     """The error of the system that an error is, or came after; ``around`` was there before and is none of them."""
-    found: BaseException | None = error
-    while found is not None and found is not around:
-        if isinstance(found, OSError):
-            return found
-        found = found.__context__
+    cause: BaseException | None = error
+    while cause is not None and cause is not around:
+        if isinstance(cause, OSError):
+            return cause
+        cause = cause.__context__
     return None
 
 

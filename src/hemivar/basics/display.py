@@ -69,8 +69,8 @@ def brief(value: object) -> str:
     """The ``__repr__`` of a dataclass in a line or two, arrays by their shape and long entries by their number."""
     if not is_dataclass(value):
         return object.__repr__(value)
-    told = [f"{item.name}={_entry(getattr(value, item.name, None))}" for item in fields(value) if item.repr]
-    text = f"{type(value).__name__}({', '.join(told)})"
+    entries = [f"{item.name}={_entry(getattr(value, item.name, None))}" for item in fields(value) if item.repr]
+    text = f"{type(value).__name__}({', '.join(entries)})"
     return text if len(text) <= _WHOLE else text[: _WHOLE - 5] + " ...)"
 
 

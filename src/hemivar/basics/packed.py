@@ -48,8 +48,8 @@ def read_arrays(data: bytes) -> tuple[dict[str, AnyArray], bool]:
                 arrays[name] = _array(archive.read(part))
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, KeyError, NotImplementedError, RuntimeError) as error:
         raise ValueError(str(error)) from error
-    found = arrays.pop(_DIGEST, None)
-    return arrays, found is not None and np.array_equal(found, _digest(arrays))
+    digest = arrays.pop(_DIGEST, None)
+    return arrays, digest is not None and np.array_equal(digest, _digest(arrays))
 
 
 def _array(data: bytes) -> AnyArray:

@@ -128,7 +128,7 @@ def _check_functions(owner: PickleMixin, name: str, value: object) -> None:
 
 
 def _importable(function: type | FunctionType) -> bool:
-    found: object = sys.modules.get(function.__module__)
+    reached: object = sys.modules.get(function.__module__)
     for part in function.__qualname__.split("."):
-        found = getattr(found, part, None)
-    return found is function
+        reached = getattr(reached, part, None)
+    return reached is function

@@ -18,11 +18,11 @@ def rounded_down(value: float, digits: int = 3) -> str:
     return _rounded(value, digits, ROUND_FLOOR)
 
 
-def _rounded(value: float, digits: int, way: str) -> str:
+def _rounded(value: float, digits: int, rounding: str) -> str:
     if not math.isfinite(value) or value == 0.0:
         return f"{value:g}"
     nearest = f"{value:.{digits}g}"
     off = float(nearest) - value
-    if off == 0.0 or (off > 0.0) == (way == ROUND_CEILING):
+    if off == 0.0 or (off > 0.0) == (rounding == ROUND_CEILING):
         return nearest
-    return f"{float(Context(prec=digits, rounding=way).create_decimal(value)):.{digits}g}"
+    return f"{float(Context(prec=digits, rounding=rounding).create_decimal(value)):.{digits}g}"

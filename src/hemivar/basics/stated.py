@@ -152,24 +152,24 @@ class Argument:
 
     key: str  # its name in files
     name: str  # its name in Python
-    said: Stated
+    stated: Stated
     default: object  # none if there is none
     required: bool  # whether it must be given
 
     @property
     def shown(self) -> object:
         """A value to show what is made with; None to leave the argument out."""
-        if self.said.example is not None:
-            return self.said.example
+        if self.stated.example is not None:
+            return self.stated.example
         return 1.0 if self.required else self.default
 
 
 def stating(*kinds: type[DataclassInstance], **own: Mapping[str, Stated]) -> Callable[[Made], Made]:
     """Say what the arguments of a function are in problem files: what dataclasses say of fields so named, or more."""
-    said = {one.name: one.metadata for kind in kinds for one in fields(kind)} | own
+    metadata = {one.name: one.metadata for kind in kinds for one in fields(kind)} | own
 
     def mark(maker: Made) -> Made:
-        maker.__stated__ = said  # type: ignore[attr-defined]
+        maker.__stated__ = metadata  # type: ignore[attr-defined]
         return maker
 
     return mark
@@ -178,17 +178,17 @@ def stating(*kinds: type[DataclassInstance], **own: Mapping[str, Stated]) -> Cal
 @cache
 def arguments_of(maker: Callable[..., object]) -> tuple[Argument, ...]:
     """The stated arguments of a dataclass, or of a function under :func:`stating`, in their order."""
-    said = (
+    metadata = (
         {one.name: one.metadata for one in fields(maker)} if is_dataclass(maker) else getattr(maker, "__stated__", {})
     )
     return tuple(
-        _argument(one, said[name]["stated"])
+        _argument(one, metadata[name]["stated"])
         for name, one in signature(maker).parameters.items()
-        if "stated" in said.get(name, ())
+        if "stated" in metadata.get(name, ())
     )
 
 
-def _argument(one: Parameter, said: Stated) -> Argument:
+def _argument(one: Parameter, stated: Stated) -> Argument:
     required = one.default is Parameter.empty
     none = required or one.default == ()
-    return Argument(said.key or one.name, one.name, said, None if none else one.default, required)
+    return Argument(stated.key or one.name, one.name, stated, None if none else one.default, required)

@@ -32,6 +32,7 @@ from hemivar.bounds.flat_cells import largest_share
 from hemivar.bounds.goal_values import GoalValue, goal_value
 from hemivar.bounds.goals import Goal, goal_named
 from hemivar.bounds.joined_refinement import refined_alike
+from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.touching_bodies import refuse_touching
 from hemivar.bounds.trace_bounds import TraceBounds, body_constants
 from hemivar.discrete.problem import DiscreteProblem
@@ -49,8 +50,6 @@ __all__ = ["AdaptiveLevel", "AdaptiveSolution", "solve_adaptive", "solving_adapt
 _BYTES = {2: 6e3, 3: 3e4}
 #: Cells of the first mesh that is refined where it is asked to, at least: coarser ones are refined everywhere.
 _FEW = {2: 32, 3: 48}
-#: Part of the distance below which what a solve leaves is rounding.
-_ROUNDING = 1e-9
 #: Ends by a limit.
 _LIMITS = (AdaptiveEnd.MAX_UNKNOWNS, AdaptiveEnd.MAX_TIME, AdaptiveEnd.MAX_MEMORY)
 
@@ -423,7 +422,7 @@ def _ended(level: AdaptiveLevel, rtol: float, stop: bool | None, max_unknowns: i
     if not math.isfinite(level.distance.distance) and goal is None:
         return AdaptiveEnd.NO_BOUND
     bound = level.distance
-    if goal is None and bound.parts.algebraic > max(rtol * bound.energy_norm, _ROUNDING * bound.distance):
+    if goal is None and bound.parts.algebraic > max(rtol * bound.energy_norm, ALIKE * bound.distance):
         return AdaptiveEnd.ALGEBRAIC
     return AdaptiveEnd.MAX_UNKNOWNS if level.unknowns > max_unknowns else None
 

@@ -21,6 +21,7 @@ from hemivar.bounds.body_data import BodyData
 from hemivar.bounds.bulk_gap import saved_by_curvature
 from hemivar.bounds.cell_kinds import CellKinds, cell_kinds
 from hemivar.bounds.compiled_cells import cell_sums
+from hemivar.bounds.roundings import CELLS
 from hemivar.bounds.split_element import (
     SplitElement,
     split_element,
@@ -33,9 +34,6 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mesh.keys import EDGES
 
 __all__ = ["AdmissibleStress", "admissible_stress"]
-
-#: Cells whose numbers are held at a time: they fit a cache.
-_CELLS = 1 << 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +62,8 @@ class AdmissibleStress:
         # the divergence of the data's stresses is constant on cells: the balance with the moments brings it in
         loads = data.linear(data.loads + self.tractions.defect)
         out = np.empty((len(loads), len(element.loading)))
-        for start in range(0, len(loads), _CELLS):
-            part = slice(start, start + _CELLS)
+        for start in range(0, len(loads), CELLS):
+            part = slice(start, start + CELLS)
             moments = table.of_cells(self.tractions.moments, part) - every[part]
             both = np.concatenate([moments.reshape(len(moments), -1, dim), loads[part]], axis=1)
             back = np.ascontiguousarray(both.transpose(1, 2, 0))  # cells last
@@ -114,8 +112,8 @@ class AdmissibleStress:
             return compiled
         element, matrix = self.element, self.data.reference_compliance
         energies, out = element.energy_of(self.difference, kinds.of_cells), np.empty((len(matrix), element.moments))
-        for start in range(0, len(out) if slopes else 0, _CELLS):
-            part = slice(start, start + _CELLS)
+        for start in range(0, len(out) if slopes else 0, CELLS):
+            part = slice(start, start + CELLS)
             out[part] = element.slope(self.difference[part], matrix[part])
         return energies, out
 

@@ -14,6 +14,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.coarsening import coarsened
 from hemivar.bounds.facet_table import FacetTable, facet_table
+from hemivar.bounds.roundings import ALIKE, CONSTANT
 from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.supports import DEPENDENT
@@ -46,10 +47,6 @@ T = TypeVar("T")
 PART = {2: 40, 3: 56}
 #: Part of a facet by which another one must lie over it.
 _OVER = 1e-6
-#: Part of the boundary within which a facet is flat.
-_FLAT = 1e-9
-#: Part of a modulus by which it may vary within a cell and count as constant.
-_CONSTANT = 1e-13
 #: Digits to which two materials are one.
 _DIGITS = 13
 
@@ -181,7 +178,7 @@ def softened(bare: ContactProblem) -> ContactProblem:
     root = np.linalg.cholesky(softest)
     relative = np.linalg.solve(root, np.linalg.solve(root, tensors).transpose(0, 2, 1))
     least = min(1.0, float(np.linalg.eigvalsh(relative).min()))
-    return replace(bare, material=Material.tensor((1.0 - _CONSTANT) * least * softest))
+    return replace(bare, material=Material.tensor((1.0 - CONSTANT) * least * softest))
 
 
 def too_many_cells(cells: int, left: int, most: int) -> str:
@@ -196,7 +193,7 @@ def too_many_cells(cells: int, left: int, most: int) -> str:
 def cell_tensors(bare: ContactProblem) -> tuple[Array, IntArray]:
     """The different matrices (k, v, v) of the material, and the number of that of each cell."""
     matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
-    if np.abs(matrices - matrices[:, :1]).max() > _CONSTANT * np.abs(matrices).max():
+    if np.abs(matrices - matrices[:, :1]).max() > CONSTANT * np.abs(matrices).max():
         raise ProblemError("the material varies inside cells; bounds of constants of a body need it constant on each")
     if len(matrices) == 1:
         return matrices[:, 0], np.zeros(bare.mesh.number_of_cells, dtype=np.int64)
@@ -260,7 +257,7 @@ def facet_cover(mine: Array, others: Array) -> BoolArray:
     """
     low, high = mine.min(axis=1), mine.max(axis=1)
     below, above = others.min(axis=1), others.max(axis=1)
-    flat = _FLAT * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max(initial=0.0))
+    flat = ALIKE * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max(initial=0.0))
     covered = np.ones((len(mine), len(others)), dtype=bool)
     for axis in range(mine.shape[2]):
         least = np.minimum(high[:, None, axis] - low[:, None, axis], above[:, axis] - below[:, axis])

@@ -21,6 +21,7 @@ from hemivar.bounds.cell_kinds import CellKinds, cell_kinds
 from hemivar.bounds.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.bounds.joined_sides import joined_sides
 from hemivar.bounds.load_values import LoadValues, load_values
+from hemivar.bounds.roundings import CONSTANT
 from hemivar.bounds.split_element import facet_mass, pulled_back, voigt
 from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import elastic
@@ -41,8 +42,6 @@ __all__ = ["BodyData", "CellEnergy", "VaryingLoads", "body_data", "cell_energy",
 T = TypeVar("T")
 #: Of points, strains and masks of regions.
 _Values = Callable[[Array, Array, Mapping[str, BoolArray] | None], Array]
-#: Part of a modulus by which it may vary within a cell and count as constant.
-_CONSTANT = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +297,7 @@ def _engineering(strain: Array) -> Array:
 
 def _varies(tensors: Array) -> bool:
     first = tensors[:, :1]
-    return bool(np.abs(tensors - first).max() > _CONSTANT * np.abs(first).max())
+    return bool(np.abs(tensors - first).max() > CONSTANT * np.abs(first).max())
 
 
 def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace | None = None) -> BodyData:

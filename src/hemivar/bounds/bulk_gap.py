@@ -27,18 +27,16 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.bounds.body_data import BodyData, CellEnergy
+from hemivar.bounds.roundings import CELLS
 from hemivar.bounds.split_element import SplitElement, voigt_map
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["saved_by_curvature", "strain_sizes"]
 
-#: How often each piece of a cell is cut into halves, and the steps of the search for d.
+#: How often each piece of a cell is cut into halves.
 _HALVINGS = {2: 2, 3: 1}
-_STEPS = 3
 #: Roundings of energies that are subtracted.
 _ROUNDED = 16.0 * float(np.finfo(float).eps)
-#: Cells whose numbers are held at a time.
-_CELLS = 1 << 12
 
 
 def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array) -> Array:
@@ -49,8 +47,8 @@ def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array)
     assert data.stored is not None
     table, centroids, lowered = data.table, _centroids(data.table.dim), np.zeros(len(difference))
     compliance = np.broadcast_to(data.compliance, (len(difference), *data.compliance.shape[1:]))
-    for start in range(0, len(lowered), _CELLS):
-        part = slice(start, start + _CELLS)
+    for start in range(0, len(lowered), CELLS):
+        part = slice(start, start + CELLS)
         change = voigt_map(table.jacobian[part]) / table.sizes[part, None, None]
         nodes = element.at_nodes(difference[part])
         q = np.einsum("mvw,ca,mbaw->mbcv", change, centroids, nodes, optimize=True)
@@ -80,7 +78,7 @@ def _saved(stored: CellEnergy, strain: Array, q: Array, compliance: Array, start
     most, best = 0.5 * square(q), np.zeros(q.shape[:2])
     value, stress = stored.value(strain), stored.stress(strain)
     d, rest = np.zeros(q.shape), q
-    for _ in range(_STEPS):
+    for _ in range(3):
         d = d + np.einsum("mvw,mpw->mpv", start, rest)
         there = strain + d
         energy, work = stored.value(there), np.einsum("mpv,mpv->mp", stress + q, d)

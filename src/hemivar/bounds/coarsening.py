@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.facet_table import facet_table
+from hemivar.bounds.roundings import ALIKE
 from hemivar.mesh.keys import EDGES, signed_volumes
 from hemivar.mesh.mesh import Mesh
 
@@ -39,8 +40,6 @@ _CHOICES = 5
 _PROGRESS = 0.02
 #: Up to so many cells share an edge on average, and tell of it from both ends.
 _REPEATED = 10
-#: Part by which shapes and volumes may miss a limit: those of even meshes meet some exactly.
-_TIE = 1e-9
 #: Digits of the logarithm of a length, to the base 2, that tell it from another one; what is added before these are
 #: rounded, so that no simple ratio of lengths lies where rounding turns.
 _DIGITS, _OFF = 6, 0.2357e-6
@@ -267,7 +266,7 @@ class _State:
         left = (self.cells[cell] != onto[who, None]).all(axis=1)
         after = np.full(count, np.inf)
         np.minimum.at(after, who[left], shapes(self.points, new[left])[1])
-        least = (1.0 - _TIE) * (_SHAPES[self.dim][0] if few else least)
+        least = (1.0 - ALIKE) * (_SHAPES[self.dim][0] if few else least)
         allowed = (after > _FLAT) & (after >= np.minimum((1.0 - _FLAT) * before, least))
         who, facet = fans
         old = self.facets[facet]
@@ -279,7 +278,7 @@ class _State:
         wrong = np.where(label == 0, between < -small, np.abs(between) > small)
         cut = np.bincount(who, np.where((label == 0) & (between > small), between, 0.0), count)
         allowed &= np.bincount(who, wrong, count) == 0
-        return allowed & (cut <= (1.0 + _TIE) * self.allowed * total), np.asarray(cut, dtype=float)
+        return allowed & (cut <= (1.0 + ALIKE) * self.allowed * total), np.asarray(cut, dtype=float)
 
 
 def _incidences(simplices: IntArray, nodes: IntArray, count: int) -> tuple[IntArray, IntArray]:

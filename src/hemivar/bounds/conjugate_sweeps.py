@@ -25,6 +25,7 @@ from hemivar.bounds.compiled_cells import bubble_square
 from hemivar.bounds.compiled_patches import Prices
 from hemivar.bounds.facet_table import FacetTable
 from hemivar.bounds.patches import PatchKind, cell_patches
+from hemivar.bounds.roundings import CELLS
 from hemivar.bounds.sweeps import ContactPenalty, PatchSmoother
 from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mesh.keys import EDGES
@@ -37,16 +38,6 @@ _QUADRATIC = (PatchKind.VERTEX, PatchKind.VERTEX)
 
 #: A misfit of so many times what is not resolved is finished, in the plane and in space.
 _ENOUGH = {2: 3.0, 3: 4.0}
-#: Part of the square of the misfit that a step must gain for another one to follow; where the misfit is larger still by
-#: so many times.
-_GAIN, _FAR, _GAIN_FAR = 0.06, 3.0, 0.015
-#: Part that the last sweep must have gained with quadratic elements for steps to follow.
-_LAST = 0.25
-#: Steps at most, and after how many of them contact tractions are priced anew.
-_MOST, _RENEWED = 24, 4
-#: Cells whose numbers are held at a time.
-_CELLS = 1 << 12
-
 #: The ends of the edges of a cell, as :func:`cell_patches` numbers them.
 _ENDS = {2: ((1, 2), (0, 2), (0, 1)), 3: EDGES[3]}
 
@@ -70,6 +61,16 @@ class Sweeps:
 
     kinds: tuple[PatchKind, ...]
     on: bool = False
+    #: Part of the square of the misfit that a step must gain for another one to follow; a smaller one where the misfit
+    #: is ``far`` times what is enough.
+    gain: float = 0.06
+    far: float = 3.0
+    gain_far: float = 0.015
+    #: Part that the last sweep must have gained with quadratic elements for steps to follow.
+    last: float = 0.25
+    #: Steps at most, and after how many of them contact tractions are priced anew.
+    most: int = 24
+    renewed: int = 4
 
     @classmethod
     def usual(cls, dim: int, order: int = 1) -> Sweeps:
@@ -89,31 +90,30 @@ class Sweeps:
             before = sweeper.misfit if self.on and sweeper.data.order > 1 else before
             sweeper.sweep(kind, None if price is None else price())
         if self.on:
-            _go_on(sweeper, self.kinds[-1], price, before)
+            self._go_on(sweeper, price, before)
         return sweeper.stress
 
-
-def _go_on(sweeper: PatchSmoother, kind: PatchKind, price: _Price | None, before: float) -> int:
-    """Steps until the misfit is small enough, or they gain little; their number."""
-    data = sweeper.data
-    square = sweeper.misfit
-    if data.order > 1:
-        least = np.inf if before - square < _LAST * square else square / _FAR**2
-    else:
-        least = (_ENOUGH[data.table.dim] * unresolved(data)) ** 2
-    prices: Prices | None = None
-    last: _Direction | None = None
-    for number in range(_MOST):
-        if not square > least:
-            return number
-        if number % _RENEWED == 0 and price is not None:
-            penalty, last = price(), None
-            prices = None if penalty is None else sweeper.prices(penalty)
-        last, gain, change = _step(sweeper, kind, prices, last)
-        square += change
-        if not gain > (_GAIN if square < _FAR**2 * least else _GAIN_FAR) * square:
-            return number + 1
-    return _MOST
+    def _go_on(self, sweeper: PatchSmoother, price: _Price | None, before: float) -> int:
+        """Steps until the misfit is small enough, or they gain little; their number."""
+        data = sweeper.data
+        square = sweeper.misfit
+        if data.order > 1:
+            least = np.inf if before - square < self.last * square else square / self.far**2
+        else:
+            least = (_ENOUGH[data.table.dim] * unresolved(data)) ** 2
+        prices: Prices | None = None
+        last: _Direction | None = None
+        for number in range(self.most):
+            if not square > least:
+                return number
+            if number % self.renewed == 0 and price is not None:
+                penalty, last = price(), None
+                prices = None if penalty is None else sweeper.prices(penalty)
+            last, gain, change = _step(sweeper, self.kinds[-1], prices, last)
+            square += change
+            if not gain > (self.gain if square < self.far**2 * least else self.gain_far) * square:
+                return number + 1
+        return self.most
 
 
 def _step(
@@ -158,8 +158,8 @@ class _Paid:
 def _works(data: BodyData, moments: Array, slopes: list[Array]) -> list[float]:
     """``sum m . b`` over the cells for moments (F, k, d) and each of some slopes (M, n) by them."""
     table, total = data.table, np.zeros(len(slopes))
-    for start in range(0, len(table.cells), _CELLS):
-        part = slice(start, start + _CELLS)
+    for start in range(0, len(table.cells), CELLS):
+        part = slice(start, start + CELLS)
         own = table.of_cells(moments, part)
         turned = (own.reshape(len(own), -1, table.dim) @ table.inverse[part].transpose(0, 2, 1)).reshape(len(own), -1)
         total += [np.vdot(turned, each[part]) for each in slopes]

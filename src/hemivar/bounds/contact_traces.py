@@ -24,6 +24,7 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.body_data import BodyData
+from hemivar.bounds.roundings import FREE, KINK
 from hemivar.bounds.split_element import facet_mass
 from hemivar.bounds.varying_gaps import gap_ranges
 from hemivar.fem.contact_points import shares
@@ -48,18 +49,11 @@ __all__ = [
     "radial_parts",
 ]
 
-#: Part of the unit normal along which supports hold an edge, so that its trace is left as it is.
-_HELD = 1e-10
 #: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
 #: which the multiplier between force and law has kinks of its own, or with a curved law.
-_PARTS = 4
-_MORE_PARTS = 32
-#: Parts, in space, of the rule by which a choice is looked for.
-_FEW_PARTS = 1
+_PARTS, _MORE_PARTS = 4, 32
 #: Kinks of the normal law inside a facet in space up to which it is cut along all of them.
 _LEVELS = 24
-#: Distance to a kink, over the largest displacement or gap, that is rounding.
-_ROUNDING = 1e-11
 #: Gap, over the extent of the body, where its normal misses the obstacle.
 _FAR = 1e3
 
@@ -167,9 +161,9 @@ class ContactTraces:
     @cached_property
     def rough(self) -> ContactTraces:
         """The same facets with fewer points in space: to look for a choice, never to judge it."""
-        if self.data.table.dim == 2 or self.weights.shape[1] <= len(cut_triangle(_FEW_PARTS, self.rule)[1]):
+        if self.data.table.dim == 2 or self.weights.shape[1] <= len(cut_triangle(1, self.rule)[1]):
             return self
-        traces = contact_traces(self.data, _FEW_PARTS)
+        traces = contact_traces(self.data, 1)
         assert traces is not None
         return traces
 
@@ -326,7 +320,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
             points, weights = cut_triangle(parts, rule)
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
-            if rule is None and parts > _FEW_PARTS:
+            if rule is None and parts > 1:
                 barycentric, share, uncut[-1] = _along_levels(data, name, facets, barycentric, share)
         local, frames, places = local_traces(data, name, facets, barycentric)
         law = data.problem.contact[name].law.at(places.reshape(-1, dim))
@@ -341,7 +335,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
     weights = _joined([_padded(part[2], width, 0.0) for part in pieces])
     axes = _joined([part[3] if one else _padded(part[3], width) for part in pieces])
     local = np.concatenate([_padded(part[4], width) for part in pieces]).reshape(-1, dim)
-    near = _ROUNDING * _scale(data, local)
+    near = KINK * _scale(data, local)
     local = law.frozen_at(local).snap_to_kinks(local, near)
     inside = law.admissible(local)
     beyond = float(np.abs(inside - local).max(initial=0.0))
@@ -366,7 +360,7 @@ def beyond_domain(traces: ContactTraces) -> float:
     """By how much penetrations leave the domain of the law, between the points too where gaps are known there."""
     excesses = [np.maximum(part.above, part.below).max(initial=0.0) for part in gap_ranges(traces.data)]
     most = max([traces.beyond, *map(float, excesses)])
-    return most if most > _ROUNDING * _scale(traces.data, traces.local) else 0.0
+    return most if most > KINK * _scale(traces.data, traces.local) else 0.0
 
 
 def _padded(values: Array, width: int, fill: float | None = None) -> Array:
@@ -488,7 +482,7 @@ def _along_levels(
     corners = np.broadcast_to(np.eye(3), (len(facets), 3, 3))
     local, _, places = local_traces(data, name, facets, corners)
     r, knots = local[..., 0], data.problem.contact[name].law.at(places.mean(axis=1)).penetration_knots
-    order, near = np.argsort(r, axis=1), _ROUNDING * _scale(data, local)
+    order, near = np.argsort(r, axis=1), KINK * _scale(data, local)
     low, middle, high = np.take_along_axis(r, order, axis=1).T[:, :, None]
     inside = (knots > low + near) & (knots < high - near)
     count = inside.sum(axis=1)
@@ -560,7 +554,7 @@ def _out_at_corners(data: BodyData) -> Array:
 def _move_corners(data: BodyData, moved: Array, facets: IntArray, excess: Array, sign: float) -> None:
     """Move corners of facets (k,) along their normals by ``excess (k, d)``, in place; not what supports hold."""
     table = data.table
-    near = _ROUNDING * _scale(data, data.displacement)
+    near = KINK * _scale(data, data.displacement)
     if not (excess > near).any():
         return
     outer = np.flatnonzero(~table.interior)
@@ -575,11 +569,11 @@ def _move_corners(data: BodyData, moved: Array, facets: IntArray, excess: Array,
         np.maximum.at(most, corner, np.where(much > near, much, 0.0))
         worst = order[much[order] >= most[corner[order]]]
         normal[corner[worst]] = normals[worst]
-    loose = np.abs(np.einsum("nij,nj->ni", held, normal)).max(axis=1) <= _HELD
+    loose = np.abs(np.einsum("nij,nj->ni", held, normal)).max(axis=1) <= FREE
     cut = facets[table.cut[facets]]
     mine, theirs = table.facets[cut].ravel(), table.others[cut].ravel()
     softer = np.repeat(_second_is_softer(data, cut), table.dim)
-    free = np.abs(np.einsum("nij,nj->ni", held[theirs], normal[mine])).max(axis=1, initial=0.0) <= _HELD
+    free = np.abs(np.einsum("nij,nj->ni", held[theirs], normal[mine])).max(axis=1, initial=0.0) <= FREE
     gives = free & (softer | ~loose[mine])
     loose[mine[gives]] = False  # the other body gives way there
     back = sign * most[:, None] * normal
@@ -605,7 +599,7 @@ def admissible_displacement(data: BodyData) -> Array:
         first, last, middle = local[..., 0].T
         beyond = middle - 0.5 * (first + last)
         normal = frames[:, -1, 0]
-        held = np.einsum("fi,fij,fj->f", normal, data.freed(facets), normal) > _HELD
+        held = np.einsum("fi,fij,fj->f", normal, data.freed(facets), normal) > FREE
         for end, sign in ((domain.upper, 1.0), (domain.lower, -1.0)):
             reach = (np.sqrt(np.maximum(sign * (end - value), 0.0)) for value in (first, last))
             excess = np.maximum(sign * beyond - 0.25 * sum(reach) ** 2, 0.0)

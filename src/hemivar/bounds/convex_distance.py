@@ -57,8 +57,6 @@ _WEIGHTS = (1e-4, 1e-2, 1.0, 30.0)
 _STEPS, _BALANCED = 60, 1e-12
 #: Steps by which derivatives are taken, over the largest displacement or gap.
 _STEP = 1e-7
-#: What of a multiplier is rounding.
-_ROUNDING = 1e-13
 #: Part of balanced forces that a solve leaves, and one that ranks or measures what is small; most that counts as
 #: rounding; cycles in turn.
 _EXACT, _ROUGH, _LEFT, _CYCLES = 1e-13, 0.1, 1e-9, 1000
@@ -226,7 +224,7 @@ def _missed(traces: ContactTraces, zeta: Array) -> Array:
     data, table = traces.data, traces.data.table
     projected = traces.forces(data.facet_loads + traces.on_facets(-traces.moments(zeta)))
     square, whole = (sum(traces.square(part)) for part in (zeta - projected, zeta))
-    size = np.sqrt(np.where(square <= _ROUNDING**2 * whole, 0.0, square))
+    size = np.sqrt(np.where(square <= _EXACT**2 * whole, 0.0, square))
     missed = np.zeros(len(table.cells))
     for side in (0, 1):
         seen = np.flatnonzero(table.owners[traces.facets, side] >= 0)

@@ -12,6 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.bounds.exact_distance import ExactDistance, exact_distance
 from hemivar.bounds.hypotheses import body_shape
 from hemivar.bounds.lower_bounds import lower_bounds
+from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.scalar_distance import scalar_distance, scalar_trace_bound
 from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.bounds.trace_bounds import body_constants
@@ -24,9 +25,6 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["distance_to_exact", "statement_of", "trace_bound"]
-
-#: Part of its size by which a load or an offset may differ from the stated one, by rounding.
-_SAME = 1e-9
 
 
 def distance_to_exact(
@@ -120,7 +118,7 @@ def _is_stated(problem: DiscreteProblem, stated: ContactProblem, u: Array) -> bo
         laws = (own.law.frozen_at(at), problem.law.frozen_at(at))
         pairs.append((laws[0].nearest_multiplier(at, at), laws[1].nearest_multiplier(at, at)))
     for one, other in pairs:
-        if one.shape != other.shape or np.abs(one - other).max(initial=0.0) > _SAME * np.abs(one).max(initial=0.0):
+        if one.shape != other.shape or np.abs(one - other).max(initial=0.0) > ALIKE * np.abs(one).max(initial=0.0):
             return False
     return True
 

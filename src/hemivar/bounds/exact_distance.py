@@ -57,7 +57,7 @@ from hemivar.bounds.oscillation import Oscillation, linear_square, oscillation
 from hemivar.bounds.patches import PatchKind
 from hemivar.bounds.sweeps import ContactPenalty, PatchSmoother
 from hemivar.bounds.touching_bodies import contact_moments, shared_anew, touching_bodies
-from hemivar.bounds.trace_bounds import TraceBounds
+from hemivar.bounds.trace_bounds import ATTAINED, TraceBounds
 from hemivar.bounds.vertex_moments import shared_on_contact
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.transfer import interpolate
@@ -73,13 +73,10 @@ _APART = (
     "the facets of bodies that touch do not coincide: the contact tractions of the mesh load each part, and the "
     "law between contact points is not included"
 )
-#: Part of c by which what a displacement shows may be larger, by rounding.
-_CONTRADICTED = 1e-6
 #: Softening c from which the softest mode is looked at by itself.
 _SOFT = 0.15
-#: Weights of the gap, over Lambda, among which the best is looked for, as powers of ten; that of the first tractions.
+#: Weights of the gap, over Lambda, among which the best is looked for, as powers of ten: the second comes first.
 _POWERS = (-5.0, -2.0, 1.0)
-_FIRST = 0.01
 #: Largest price of contact tractions, over 1 / Lambda.
 _DEAREST = 30.0
 #: Part of the largest traction of the body below which forces on the foundation are rounding.
@@ -88,14 +85,10 @@ _ROUNDING = 1e-12
 _LEAST = 0.05
 #: What the discrete problem misses of loads, over the misfit, from which it is answered by a displacement.
 _MISSED = 0.1
-#: Contact part of a bound, over the misfit, from which a convex law is looked at without constants of the body, too.
-_POOR = 0.5
 #: What may become of an attempt.
 _IN_VAIN = (MethodError, ProblemError, OutOfTime, MemoryError, np.linalg.LinAlgError, ArithmeticError, RuntimeError)
 #: How many times the error a bound on flat cells may be, and the meshes that are tried otherwise.
 _ENOUGH, _MESHES = 8.0, 12
-#: Sweeps over the patches at the contact boundary alone that come before, with quadratic elements.
-_NEAR = 2
 
 
 @dataclass(frozen=True)
@@ -349,7 +342,8 @@ def _of_body(
         return replace(better, missed=bound.missed)  # cells are marked by what is missed in them all the same
 
     bound = by_constants() if known else None
-    poor = bound is None or bound.parts.contact > _POOR * bound.parts.misfit
+    # a contact part of half the misfit is worth a look at a convex law without constants of the body
+    poor = bound is None or bound.parts.contact > 0.5 * bound.parts.misfit
     if traces is None or not poor or not_convex(problem):
         return by_constants() if bound is None else bound
     if bound is None:
@@ -464,7 +458,7 @@ def improved_stress(
     sweeper = sweeps.sweeper(stress)
     del stress  # what has been computed of it is large, and of no use any more
     if traces is not None and data.order == 2:
-        for _ in range(_NEAR):
+        for _ in range(2):  # over the patches at the contact boundary alone, before all of them
             sweeper.sweep(PatchKind.VERTEX, _price(sweeper, traces, constants), only_contact=True)
     return sweeps.lower(sweeper, None if traces is None else lambda: _price(sweeper, traces, constants))
 
@@ -487,7 +481,7 @@ def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBou
     between = traces.interpolated(shared)
     if data.order == 1 or not _weakly_convex(traces) or not 0.0 < constants.both < np.inf:
         return exact_gap(traces, between).multiplier
-    return fenchel_gap(traces, between, _FIRST * constants.both).multiplier
+    return fenchel_gap(traces, between, 10.0 ** _POWERS[1] * constants.both).multiplier
 
 
 def _weakly_convex(traces: ContactTraces) -> bool:
@@ -769,7 +763,7 @@ def _contradiction(choice: _Choice, modes: SoftModes) -> str:
     Linear elements are among the displacements of the body, and the integrals are exact, so a right c is not below.
     """
     shown = modes.softest(*choice.alpha).theta
-    if not shown > choice.constant * (1.0 + _CONTRADICTED):
+    if not shown > choice.constant * (1.0 + ATTAINED):
         return ""
     return (
         f"there is no bound: the constants of the body make c = {choice.constant:.3g}, and a displacement of the mesh "

@@ -31,7 +31,8 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable, facet_table, facet_vertices
-from hemivar.bounds.prisms import KINDS, Solids, prism_squares, prisms, room, tolerance
+from hemivar.bounds.prisms import DIGITS, KINDS, Solids, prism_squares, prisms, room, tolerance
+from hemivar.bounds.roundings import CONSTANT
 from hemivar.bounds.split_element import pulled_back, split_element, voigt
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.mesh.mesh import Mesh
@@ -40,12 +41,8 @@ __all__ = ["FacetConstants", "equilibrated_blocks", "facet_constants"]
 
 #: How often a cell in the plane and a cell in space are cut in halves.
 _HALVINGS = {2: 2, 3: 1}
-#: Digits to which two shapes are one.
-_DIGITS = 9
 #: Kinds that are tried, one after another, where facets lie in a plane and where they meet at angles.
 _PRISMS, _FRUSTA = (0, 1, 2, 3, 4), (3, 4, 2)
-#: Part of a compliance that is rounding.
-_ROUNDING = 1e-13
 
 
 def equilibrated_blocks(compliance: Array, jacobian: Array, *, loaded: bool = False) -> Array:
@@ -177,7 +174,7 @@ def softest(compliance: Array) -> Array:
     most = some[np.argmax(np.trace(some, axis1=1, axis2=2))]
     root = np.linalg.cholesky(most)
     relative = np.linalg.solve(root, np.linalg.solve(root, some).transpose(0, 2, 1))
-    return np.asarray((1.0 + _ROUNDING) * max(1.0, float(np.linalg.eigvalsh(relative).max())) * most)
+    return np.asarray((1.0 + CONSTANT) * max(1.0, float(np.linalg.eigvalsh(relative).max())) * most)
 
 
 def _pairs(table: FacetTable, facets: IntArray, some: IntArray) -> sp.csr_array:
@@ -200,7 +197,7 @@ def _of_cells(table: FacetTable, compliance: Array, facets: IntArray) -> Array:
     matrices = np.broadcast_to(compliance, (len(table.cells), *compliance.shape[1:]))[owner]
     softness = np.abs(matrices).max(axis=(1, 2))
     key = np.hstack([shape.reshape(len(owner), -1), (matrices / softness[:, None, None]).reshape(len(owner), -1)])
-    _, first, number = np.unique(np.round(key, _DIGITS), axis=0, return_index=True, return_inverse=True)
+    _, first, number = np.unique(np.round(key, DIGITS), axis=0, return_index=True, return_inverse=True)
     unit = matrices[first] / softness[first, None, None]
     if dim == 2:
         squares = _of_triangles(shape[first], unit)
@@ -305,7 +302,7 @@ def _children(mesh: Mesh) -> list[Array]:
 
 def _shape_key(corners: Array) -> bytes:
     """The same for shapes that a translation or a reflection at a point makes one."""
-    edges = np.round(corners[1:] - corners[0], _DIGITS) + 0.0
+    edges = np.round(corners[1:] - corners[0], DIGITS) + 0.0
     ways = (tuple(sorted(map(tuple, (sign * edges + 0.0).tolist()))) for sign in (1.0, -1.0))
     return repr(min(ways)).encode()
 

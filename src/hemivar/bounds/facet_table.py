@@ -16,14 +16,12 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
+from hemivar.bounds.roundings import CELLS
 from hemivar.kernels.mesh_sums import mesh_facets, mesh_geometry, mesh_stars
 from hemivar.mesh.keys import EDGES, facet_keys, pair_keys, sorted_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FacetTable", "facet_table", "facet_vertices"]
-
-#: Cells that are looked at together: they fit a cache.
-_CELLS = 1 << 12
 
 
 def facet_vertices(dim: int, order: int = 1) -> IntArray:
@@ -145,8 +143,8 @@ class FacetTable:
         local[first, second] = local[second, first] = np.arange(len(first))
         cells, known = self.mesh.cells, self.mesh.cell_edges
         out = np.empty((len(cells), len(first)), dtype=np.int64)
-        for start in range(0, len(out), _CELLS):
-            part = slice(start, start + _CELLS)
+        for start in range(0, len(out), CELLS):
+            part = slice(start, start + CELLS)
             rank = np.argsort(cells[part], axis=1)
             out[part] = np.take_along_axis(known[part], local[rank[:, first], rank[:, second]], axis=1)
         return out
@@ -185,8 +183,8 @@ class FacetTable:
 def _jacobian(points: Array, cells: IntArray) -> Array:
     """Differences (M, d, d) of the vertices of cells to the first one, in columns."""
     out = np.empty((len(cells), points.shape[1], points.shape[1]))
-    for start in range(0, len(out), _CELLS):
-        part = slice(start, start + _CELLS)
+    for start in range(0, len(out), CELLS):
+        part = slice(start, start + CELLS)
         corner = points[cells[part]]
         out[part] = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
     return out
@@ -196,8 +194,8 @@ def _gradients(jacobian: Array) -> Array:
     """Those of the barycentric coordinates (M, d + 1, d): behind the first, the inverses of the Jacobians (M, d, d)."""
     dim = jacobian.shape[1]
     out = np.empty((len(jacobian), dim + 1, dim))
-    for start in range(0, len(out), _CELLS):
-        inverse, matrix = out[start : start + _CELLS, 1:], jacobian[start : start + _CELLS].transpose(1, 2, 0)
+    for start in range(0, len(out), CELLS):
+        inverse, matrix = out[start : start + CELLS, 1:], jacobian[start : start + CELLS].transpose(1, 2, 0)
         if dim == 2:
             (a, b), (c, d) = matrix
             inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 0], inverse[:, 1, 1] = d, -b, -c, a
@@ -208,7 +206,7 @@ def _gradients(jacobian: Array) -> Array:
                 for j in range(3):
                     inverse[:, i, j] = p[(j + 1) % 3] * q[(j + 2) % 3] - p[(j + 2) % 3] * q[(j + 1) % 3]
             inverse /= sum(matrix[j, 0] * inverse[:, 0, j] for j in range(3))[:, None, None]
-        out[start : start + _CELLS, 0] = -inverse.sum(axis=1)
+        out[start : start + CELLS, 0] = -inverse.sum(axis=1)
     return out
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.bounds.facet_table import FacetTable, facet_table
+from hemivar.bounds.roundings import ALIKE
 from hemivar.mesh.local_refinement import bisected
 from hemivar.mesh.mesh import Mesh
 
@@ -24,8 +25,6 @@ _LONG = 5.0
 _HALVINGS = 3
 #: Part of the sum that the cells add which are halved, and how many these are at most, in the plane and in space.
 _SHARE, _MOST = 0.6, {2: 500, 3: 60}
-#: Part by which two cells may differ in what they add by rounding.
-_ALIKE = 1e-9
 
 
 def are_flat(table: FacetTable) -> tuple[bool, bool]:
@@ -47,7 +46,7 @@ def largest_share(added: Array, share: float) -> BoolArray:
     largest = -np.sort(-added)
     cumulative = np.cumsum(largest)
     last = largest[min(int(np.searchsorted(cumulative, share * cumulative[-1])), len(largest) - 1)]
-    return np.asarray(added >= (1.0 - _ALIKE) * last)
+    return np.asarray(added >= (1.0 - ALIKE) * last)
 
 
 def bettered(table: FacetTable, added: Array) -> Mesh | None:

@@ -12,6 +12,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.bounds.facet_table import facet_table
 from hemivar.bounds.joined_sides import joined_sides
+from hemivar.bounds.roundings import ALIKE
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
@@ -20,8 +21,6 @@ __all__ = ["refined_alike"]
 
 #: How often cells on the other side are refined: closures are taken back first, and what they bring follows.
 _ROUNDS = 20
-#: Distance that is rounding, of the extent of the mesh.
-_ROUNDED = 1e-9
 
 
 def refined_alike(problem: ContactProblem, cells: BoolArray) -> Mesh:
@@ -42,7 +41,7 @@ def _behind(mesh: Mesh, fine: str, coarse: str) -> IntArray:
     """The cells at facets of a boundary with an edge that is cut on the other one."""
     with IMPORTS:
         from scipy.spatial import cKDTree
-    near = _ROUNDED * float(np.ptp(mesh.points, axis=0).max())
+    near = ALIKE * float(np.ptp(mesh.points, axis=0).max())
     facets = mesh.boundaries[coarse]
     own, nodes = mesh.points[np.unique(facets)], mesh.points[np.unique(mesh.boundaries[fine])]
     alone = nodes[cKDTree(own).query(nodes)[0] > near]

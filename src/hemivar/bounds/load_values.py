@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.bounds.roundings import ALIKE
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.formula import Formula, FormulaArray
@@ -28,8 +29,6 @@ _KNOWN, _INSIDE = 5e-5, 0.02
 _MOST, _ROUNDS, _CHUNK = 1 << 15, 60, 1 << 13
 #: Part of the unknown that a round of cutting may leave as it is.
 _LEFT = 0.1
-#: Part by which the lengths of two edges may differ by rounding.
-_ALIKE = 1e-9
 _FUNCTION = "is a function of Python, which is evaluated at points only; a formula would be bounded"
 _UNBOUNDED = "has no known bound near some points, and is evaluated at points only"
 #: Degree of the rules, by the dimension of the simplex: a polynomial of degree 4 is exact, weights are positive.
@@ -260,7 +259,7 @@ def _cut(parts: _Parts, corners: Array) -> tuple[IntArray, IntArray, Array]:
     places = np.einsum("kab,kbd->kad", rest, corners[parts.owner[~whole]])
     pairs = np.array(EDGES[p] if p > 1 else ((0, 1),))
     length = np.linalg.norm(places[:, pairs[:, 0]] - places[:, pairs[:, 1]], axis=2)
-    ends = pairs[np.argmax(length >= (1.0 - _ALIKE) * length.max(axis=1, keepdims=True), axis=1)]
+    ends = pairs[np.argmax(length >= (1.0 - ALIKE) * length.max(axis=1, keepdims=True), axis=1)]
     every = np.arange(len(rest))
     middle = 0.5 * (rest[every, ends[:, 0]] + rest[every, ends[:, 1]])
     for end in ends.T:

@@ -22,6 +22,7 @@ import scipy.linalg as la
 from hemivar.basics.types import Array
 from hemivar.bounds.bare_body import has_constant_normals
 from hemivar.bounds.contact_traces import ContactTraces
+from hemivar.bounds.roundings import ALIKE
 from hemivar.laws import ContactLaw, Superpotential
 
 __all__ = ["loose_motions"]
@@ -30,8 +31,6 @@ __all__ = ["loose_motions"]
 _PLANES = 6
 #: Digits to which normals and places of planes are one, of the extent of the body.
 _DIGITS = 8
-#: Part of a motion, or of the work of the loads, that is rounding.
-_ROUNDING = 1e-9
 #: Where the last piece of a law is looked at.
 _FAR = 1e3
 
@@ -98,19 +97,19 @@ def _vanishing(rows: Array, scale: float) -> Array:
     if not len(rows):
         return np.eye(rows.shape[1])
     _, sizes, axes = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    rank = np.count_nonzero(sizes > _ROUNDING * scale * np.sqrt(len(rows)))
+    rank = np.count_nonzero(sizes > ALIKE * scale * np.sqrt(len(rows)))
     return np.asarray(axes[rank:].T)
 
 
 def _plain(columns: Array) -> Array:
     """A basis (n, m) of the space of some columns, each with a one where the others have none."""
     axes, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    rows = axes[:, sizes > _ROUNDING].T
+    rows = axes[:, sizes > ALIKE].T
     if not len(rows):
         return np.asarray(rows.T)
     ones = np.sort(la.qr(rows, mode="r", pivoting=True)[1][: len(rows)])
     basis = np.linalg.solve(rows[:, ones], rows).T
-    return np.asarray(np.where(np.abs(basis) > _ROUNDING, basis, 0.0))
+    return np.asarray(np.where(np.abs(basis) > ALIKE, basis, 0.0))
 
 
 def _balances(along: Array, traces: ContactTraces, moves: Array, resisted: Array, works: Array, size: float) -> bool:
@@ -125,4 +124,4 @@ def _balances(along: Array, traces: ContactTraces, moves: Array, resisted: Array
     with np.errstate(invalid="ignore"):
         most = np.where(sizes > 0.0, resisted[:, :, None] * sizes, 0.0).max(axis=1)
     friction = traces.weights.sum(axis=1) @ most
-    return bool((np.abs(works @ tried) <= friction + _ROUNDING * size * np.linalg.norm(tried, axis=0)).all())
+    return bool((np.abs(works @ tried) <= friction + ALIKE * size * np.linalg.norm(tried, axis=0)).all())

@@ -90,28 +90,41 @@ _DEPENDENT = 1e-10
 _HELD = 1e-11
 #: Squares that are rounding, in units of the largest value.
 _ROUNDING = 1e-12
-#: Cells of the mesh that is made for it, at most about so many, by dimension.
-_CELLS = {2: 800, 3: 600}
-#: Contact facets from which on they are not refined.
-_FACETS = {2: 1 << 20, 3: 24}
-#: Cells beyond which the systems would be too large.
-_MOST = {2: 20_000, 3: 2_500}
-#: Cells of a mesh that is tried before its parts.
-_FIRST = {2: 800, 3: 48}
-#: How often fewer cells are sought by chance, and the shape of the worst one from which on they are not.
-_SEEDS, _GOOD = 5, {2: 0.0, 3: 0.6}
-#: Part of the cells up to which a mesh has fewer: one of nearly as many is no better.
-_FEWER = 0.9
-#: Digits of shapes that are one.
-_DIGITS = 6
-#: Cells of a body up to which they are sought from its own mesh.
-_AGAIN = 2_000
-#: Shape of the worst cell below which few cells do not serve in space, and that which cells keep then.
-_BAD, _BETTER = 0.25, 0.4
-#: Part of the value of displacements from which on a bound is not improved.
-_SHARP = {2: 0.95, 3: 0.8}
-#: The same in space for the mesh itself if its cells are not more than some; of many it must be far worse.
-_ENOUGH, _SOME = 0.6, 1_000
+
+
+@dataclass(frozen=True)
+class _Search:
+    """How a mesh for the constants of a body is looked for; shapes of cells are 1 for regular ones."""
+
+    #: Cells of the mesh that is made, at most about so many.
+    cells: int
+    #: Contact facets from which on they are not refined.
+    facets: int
+    #: Cells beyond which the systems would be too large.
+    most: int
+    #: Cells of a mesh that is tried before its parts.
+    first: int
+    #: Shape of the worst cell from which on fewer cells are not sought.
+    good: float
+    #: Part of the value of displacements from which on a bound is not improved.
+    sharp: float
+    #: The same for the mesh itself where it has up to a thousand cells; of more it must be far worse.
+    enough: float
+    #: Shape of the worst cell below which few cells do not serve, and that which cells keep then.
+    bad: float = 0.0
+    better: float = 0.4
+    #: How often fewer cells are sought by chance, from the own mesh of a body of so many cells.
+    seeds: int = 5
+    again: int = 2_000
+    #: Part of the cells up to which a mesh has fewer: one of nearly as many is no better.
+    fewer: float = 0.9
+
+
+#: By dimension.
+_SEARCH = {
+    2: _Search(800, 1 << 20, 20_000, 800, 0.0, 0.95, 0.95),
+    3: _Search(600, 24, 2_500, 48, 0.6, 0.8, 0.6, bad=0.25),
+}
 
 
 @dataclass(frozen=True)
@@ -469,7 +482,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     pairs = tuple(problem.pair(name) for name, contact in problem.contact.items() if contact.against)
     sides = (*pairs, *((name,) for name in bare.contact if not any(name in pair for pair in pairs)))
     pieces = int(table.mesh.parts.cell.max()) + 1 if any(len(side) > 1 for side in sides) else 1
-    most = pieces * _CELLS[bare.mesh.dim] if cells is None else cells
+    most = pieces * _SEARCH[bare.mesh.dim].cells if cells is None else cells
     if workspace is None:
         return _sharpest(bare, most, sides)
     touching = np.sort(np.concatenate([table.numbers(bare.mesh.boundaries[name]) for name in bare.contact]))
@@ -485,19 +498,20 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
 
 def _sharpest(bare: ContactProblem, cells: int, names: Sides, kept: Workspace | None = None) -> LowerBounds:
     """The best of the mesh itself and of parts of the body, one after another until one is sharp enough."""
-    dim, own = bare.mesh.dim, bare.mesh.number_of_cells
-    best = _on(bare, cells, names) if own <= _FIRST[dim] else None
-    if best is not None and best.sharpness >= _SHARP[dim]:
+    search, own = _SEARCH[bare.mesh.dim], bare.mesh.number_of_cells
+    best = _on(bare, cells, names) if own <= search.first else None
+    if best is not None and best.sharpness >= search.sharp:
         return best
     for part, whole in _parts_of(bare, kept):
-        if part.mesh.number_of_cells <= _MOST[dim]:
+        if part.mesh.number_of_cells <= search.most:
             best = _bettered(best, partial(_on, part, cells, names, whole))
-            if best.sharpness >= _SHARP[dim]:
+            if best.sharpness >= search.sharp:
                 return best
-    if _FIRST[dim] < own <= _MOST[dim] and (best is None or best.sharpness < _enough(dim, own)):
+    enough = search.enough if bare.mesh.dim == 2 or own <= 1_000 else 0.4 * search.enough
+    if search.first < own <= search.most and (best is None or best.sharpness < enough):
         best = _bettered(best, partial(_on, bare, cells, names))
     if best is None:
-        raise ProblemError(too_many_cells(own, part.mesh.number_of_cells, _MOST[dim]))
+        raise ProblemError(too_many_cells(own, part.mesh.number_of_cells, search.most))
     return best
 
 
@@ -510,31 +524,26 @@ def _bettered(best: LowerBounds | None, make: Callable[[], LowerBounds]) -> Lowe
     return best
 
 
-def _enough(dim: int, cells: int) -> float:
-    """The sharpness from which on a bound is not improved by a mesh of so many cells."""
-    return _SHARP[dim] if dim == 2 else _ENOUGH if cells <= _SOME else 0.4 * _ENOUGH
-
-
 def _parts_of(bare: ContactProblem, kept: Workspace | None = None) -> Iterator[tuple[ContactProblem, bool]]:
     """Parts of a body, and whether they are all of it: of as few cells as possible, and of some.
 
     In space curved boundaries leave bad cells to those; a part of more and better ones takes their place.
     """
-    dim = bare.mesh.dim
+    dim, search = bare.mesh.dim, _SEARCH[bare.mesh.dim]
     some, whole = part_of_body(bare, PART[dim], LOSS, kept=kept)
     (few, same), *others = _of_few(bare, some)
-    if dim == 3 and _least_shape(few) < _BAD:
-        better, all_of_it = part_of_body(bare, 0, LOSS, least=_BETTER)
-        if 1.5 * better.mesh.number_of_cells > bare.mesh.number_of_cells <= _MOST[dim]:
+    if _least_shape(few) < search.bad:
+        better, all_of_it = part_of_body(bare, 0, LOSS, least=search.better)
+        if 1.5 * better.mesh.number_of_cells > bare.mesh.number_of_cells <= search.most:
             return  # the mesh itself is as good
-        if better.mesh.number_of_cells <= _MOST[dim]:
+        if better.mesh.number_of_cells <= search.most:
             yield better, all_of_it
             return
-    if few.mesh.number_of_cells > _MOST[dim]:
+    if few.mesh.number_of_cells > search.most:
         yield part_of_body(softened(bare), 0, LOSS)[0], False
     for part, all_of_some in [(few, same), *others]:
         yield part, whole and all_of_some
-    if few.mesh.number_of_cells < _FEWER * some.mesh.number_of_cells:
+    if few.mesh.number_of_cells < search.fewer * some.mesh.number_of_cells:
         yield some, whole
 
 
@@ -547,13 +556,13 @@ def _of_few(bare: ContactProblem, some: ContactProblem) -> list[tuple[ContactPro
 
     Where few are left in some already, others are made of the body itself if it has not too many.
     """
-    dim, cells = some.mesh.dim, some.mesh.number_of_cells
-    again = bare if cells < PART[dim] // 2 and bare.mesh.number_of_cells <= _AGAIN else some
+    search, cells = _SEARCH[some.mesh.dim], some.mesh.number_of_cells
+    again = bare if cells < PART[some.mesh.dim] // 2 and bare.mesh.number_of_cells <= search.again else some
     parts: dict[float, tuple[ContactProblem, bool]] = {}
-    for seed in range(_SEEDS):
+    for seed in range(search.seeds):
         part = part_of_body(again if seed else some, 0, LOSS, seed)
-        parts.setdefault(round(_least_shape(part[0]), _DIGITS), part)
-        if max(parts) >= _GOOD[dim] or part[0].mesh.number_of_cells == again.mesh.number_of_cells:
+        parts.setdefault(round(_least_shape(part[0]), 6), part)
+        if max(parts) >= search.good or part[0].mesh.number_of_cells == again.mesh.number_of_cells:
             break
     return [parts[shape] for shape in sorted(parts, reverse=True)[:2]]
 
@@ -631,7 +640,7 @@ def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
         mesh = finer
     for where in ("touching", "ends", "ends", "ends") if dim == 2 else ("touching", "touching"):
         touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
-        if where == "touching" and len(touching) >= _FACETS[dim]:
+        if where == "touching" and len(touching) >= _SEARCH[dim].facets:
             continue
         marked = np.zeros(mesh.number_of_nodes, dtype=bool)
         marked[touching if where == "touching" else _ends(problem, mesh)] = True

@@ -22,6 +22,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.facet_table import FacetTable
+from hemivar.bounds.roundings import FREE
 from hemivar.mesh.keys import EDGES
 
 __all__ = [
@@ -46,8 +47,6 @@ __all__ = [
 
 #: The edges of a facet by its vertices, in the plane and in space.
 FACET_EDGES = {2: ((0, 1),), 3: EDGES[2]}
-#: Part of the largest work on free facets below which a rigid motion does none.
-_FREE = 1e-10
 
 
 class PatchKind(StrEnum):
@@ -436,6 +435,6 @@ def _partly(fields: PatchFields, ends: IntArray, path: Array, label: IntArray, f
     conditions = np.concatenate([conditions, idle[:, :, None] * np.eye(width)], axis=1)
     _, size, ways = np.linalg.svd(conditions)
     kept = np.ones((count, width), dtype=bool)
-    kept[:, : size.shape[1]] = size <= _FREE
+    kept[:, : size.shape[1]] = size <= FREE
     ways = ways * kept[:, :, None]
     return np.asarray(np.einsum("krn,knfad->krfad", ways, moments.reshape(count, width, facets, places, dim)))

@@ -21,9 +21,11 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable
+from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.split_element import pulled_back
 
 __all__ = [
+    "DIGITS",
     "KINDS",
     "RATIOS",
     "SQUARES",
@@ -153,10 +155,8 @@ SQUARES = (
         (159.6780, 160.7071, 161.6476),
     ),
 )
-#: Part of a size by which two bodies may overlap and count as disjoint.
-_TOUCHING = 1e-9
 #: How many triangles a triangle is compared with, and digits to which two are as near.
-_NEAR, _DIGITS = 3, 9
+_NEAR, DIGITS = 3, 9
 
 
 def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Array) -> Array:
@@ -171,7 +171,7 @@ def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Arr
     area = np.sqrt(np.linalg.det(gram))  # twice that of the triangle
     flat = np.linalg.cholesky(gram).transpose(0, 2, 1)
     off = np.sum((flat[:, None, None] @ known) ** 2, axis=(3, 4)) / area[:, None, None]
-    off = np.round(off, _DIGITS)  # of triangles that are alike the first is taken, not what rounding says
+    off = np.round(off, DIGITS)  # of triangles that are alike the first is taken, not what rounding says
     shift = np.argmin(off, axis=2)
     nearest = np.argsort(off.min(axis=2), axis=1, kind="stable")[:, :_NEAR]
     count = nearest.shape[1]
@@ -274,4 +274,4 @@ def room(table: FacetTable, facets: IntArray, walls: IntArray, kinds: tuple[int,
 
 def tolerance(points: Array) -> float:
     """A length up to which solids of a mesh overlap by rounding."""
-    return _TOUCHING * float(np.ptp(points, axis=0).max())
+    return ALIKE * float(np.ptp(points, axis=0).max())

@@ -47,6 +47,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.bounds.hypotheses import body_shape, check_supports, law_doubts
+from hemivar.bounds.roundings import CONSTANT, KINK
 from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import constitutive_law
@@ -61,10 +62,6 @@ from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["scalar_distance", "scalar_trace_bound"]
 
-#: Part of a coefficient by which it may vary within a cell and count as constant.
-_CONSTANT = 1e-13
-#: Distance to a kink, over the largest field or level, that is rounding.
-_ROUNDING = 1e-11
 #: Unknowns up to which all eigenvalues are computed.
 _DENSE = 40
 #: Cells from which a mesh serves for the constants of a body.
@@ -92,7 +89,7 @@ class _Means:
             )
         table = facet_table(problem.mesh)
         matrices, _ = constitutive_law(problem).on(problem.mesh, 2)
-        if np.abs(matrices - matrices[:, :1]).max() > _CONSTANT * np.abs(matrices).max():
+        if np.abs(matrices - matrices[:, :1]).max() > CONSTANT * np.abs(matrices).max():
             raise ProblemError(
                 "the material varies inside cells; bounds of scalar problems need it constant on each: give it by "
                 "region"
@@ -285,7 +282,7 @@ def _acting(contact: Contact, name: str, u: Array, wanted: Array, corners: Array
     def of(count: int) -> VectorLaw:
         return stated.take(np.repeat(np.arange(len(u)), count))
 
-    flat = of(u.shape[1]).snap_to_kinks(r.reshape(-1, column + 1), _ROUNDING * size)
+    flat = of(u.shape[1]).snap_to_kinks(r.reshape(-1, column + 1), KINK * size)
     inside = of(u.shape[1]).admissible(flat)
     beyond = float(np.abs(inside - flat).max(initial=0.0))
     r = inside.reshape(r.shape)
@@ -306,7 +303,7 @@ def _acting(contact: Contact, name: str, u: Array, wanted: Array, corners: Array
         mean[some] = np.where(cheaper, sign * paid[0], mean[some])
         off[some], gap[some] = np.where(cheaper, paid[1], off[some]), np.where(cheaper, paid[2], 0.0)
     doubts, conditions = [], []
-    if beyond > _ROUNDING * size:
+    if beyond > KINK * size:
         doubts.append(
             f"the field leaves the domain of the law of '{name}' by {beyond:.3g}, which the bound does not include"
         )

@@ -29,6 +29,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
+from hemivar.bounds.roundings import CELLS
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule
@@ -47,9 +48,6 @@ __all__ = [
     "voigt",
     "voigt_map",
 ]
-
-#: Cells whose stresses are held at a time: they fit a cache.
-_CELLS = 1 << 12
 
 
 def pairs_of(dim: int) -> tuple[tuple[int, int], ...]:
@@ -82,8 +80,8 @@ def pulled_back(compliance: Array, jacobian: Array, size: Array) -> Array:
     """
     matrix = np.broadcast_to(compliance, (len(jacobian), *compliance.shape[1:]))
     out = np.empty(matrix.shape)
-    for start in range(0, len(out), _CELLS):
-        part = slice(start, start + _CELLS)
+    for start in range(0, len(out), CELLS):
+        part = slice(start, start + CELLS)
         change = voigt_map(jacobian[part])
         change /= np.sqrt(size[part])[:, None, None]
         np.matmul(change.transpose(0, 2, 1) @ matrix[part], change, out=out[part])
@@ -178,8 +176,8 @@ class SplitElement:
         rows, columns = self.upper
         parts = self._orthogonal
         out = np.empty(len(degrees))
-        for start in range(0, len(degrees), _CELLS):
-            cells = slice(start, start + _CELLS)
+        for start in range(0, len(degrees), CELLS):
+            cells = slice(start, start + CELLS)
             stress = (parts.reshape(-1, parts.shape[2]) @ degrees[cells].T).reshape(*parts.shape[:2], -1)
             counted = compliance[cells].T * np.where(rows == columns, 1.0, 2.0)[:, None]
             out[cells] = 0.0

@@ -12,8 +12,6 @@ __all__ = ["DistanceToExact"]
 
 #: What a reason may begin with, and the line says already.
 _NONE = "there is no bound: "
-#: Factor 1 / (1 - c) from which the softening is what counts.
-_SOFT = 2.0
 #: How many times the error a bound may be without a word.
 _FAR = 20.0
 #: What to do about the part that is most of a bound.
@@ -187,7 +185,7 @@ class DistanceToExact:
         name = max(shares, key=lambda one: shares[one])
         part = shares[name] / sum(shares.values())
         words = f"of it is {name}: {_REMEDIES[name]}"
-        if factor <= _SOFT:
+        if factor <= 2.0:  # softening makes less than half of the bound
             return f"{100.0 * part:.0f} % {words}"
         soft = f"softening (c) multiplies it by {factor:.2g}, which a finer mesh does not change"
         margin = 1.0 - 1.0 / factor

@@ -53,6 +53,7 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
+    "ATTAINED",
     "TraceBounds",
     "body_bound",
     "body_constants",
@@ -67,8 +68,8 @@ _CELLS = {2: 32, 3: 48}
 _MANY, _MOST = {2: 2_000, 3: 400}, {2: 20_000, 3: 2_500}
 
 
-#: Part by which a stated constant may contradict what displacements attain: rounding.
-_ATTAINED = 1e-6
+#: Part by which a constant, or c, may contradict what displacements attain: eigenvalues are good to that.
+ATTAINED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,7 @@ def _stated(problem: ContactProblem, own: TraceBounds, upper: float) -> TraceBou
     tensors, _ = cell_tensors(bare_body(problem))
     scale = np.sqrt(np.where(np.arange(tensors.shape[1]) < problem.mesh.dim, 1.0, 2.0))  # shear counts twice
     least = float(np.linalg.eigvalsh(scale[:, None] * tensors * scale).min()) / constant**2
-    if least > upper * (1.0 + _ATTAINED):
+    if least > upper * (1.0 + ATTAINED):
         raise ProblemError(
             f"trace_constant = {constant:g} is too small: displacements of the body have more on the contact boundary; "
             "leave it out"

@@ -26,12 +26,11 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.body_data import BodyData
 from hemivar.bounds.compiled_stars import CompiledStars
 from hemivar.bounds.facet_table import FacetTable, facet_vertices
+from hemivar.bounds.roundings import FREE
 from hemivar.errors import ProblemError
 
 __all__ = ["Tractions", "equilibrated", "shared_on_contact"]
 
-#: Part of the largest projection below which no facet at a vertex takes up a force along a direction.
-_FREE = 1e-10
 #: Least ease of a facet at a vertex over the largest one there.
 _APART = 1e-4
 #: Numbers of the matrices solved together: they fit a cache.
@@ -261,7 +260,7 @@ class _Stars:
         free = np.broadcast_to(np.eye(dim), taken.shape).copy()
         some = np.flatnonzero(taken.any(axis=(1, 2)))
         size, axes = np.linalg.eigh(taken[some])
-        loose = (size < _FREE * dim).astype(float)
+        loose = (size < FREE * dim).astype(float)
         free[some] = np.einsum("kin,kn,kjn->kij", axes, loose, axes)
         facets_first = np.concatenate([[0], np.cumsum(np.bincount(vertex[joined[:, 0]], minlength=nodes))])
         return cls(table, joined, facets_first, held, block, ease, free)

@@ -328,8 +328,8 @@ def _search(point: Point, margin: float, best: float, ceiling: Array | None) -> 
     w = np.repeat(problem.contact.weights, d)[rows]
     free = energy.solve(point.problem.load)
     target = (part @ free) - problem.offset.ravel()[rows]  # local displacement without contact
-    held = problem.local(point.u)
-    r = held.copy()
+    local = problem.local(point.u)
+    r = local.copy()
     tau = np.full((m, d), np.inf)
     tau.ravel()[rows] = w / np.diagonal(S)
     tau = np.stack([tau[:, 0], tau[:, 1:].min(axis=1) if d > 1 else tau[:, 0]], axis=1)
@@ -350,16 +350,16 @@ def _search(point: Point, margin: float, best: float, ceiling: Array | None) -> 
         step = np.minimum(tau, 0.5 / np.maximum(alpha, np.finfo(float).tiny))
         spread = np.concatenate([step[:, :1], np.repeat(step[:, 1:], d - 1, axis=1)], axis=1)
         x = r + spread * lam
-        image = np.where(point.active, law.prox(x, step), held)
+        image = np.where(point.active, law.prox(x, step), local)
         if not np.isfinite(image).all():
             break
-        for candidate in (image, np.where(point.active, r, held)):
+        for candidate in (image, np.where(point.active, r, local)):
             balance = multiplier(candidate)
             fits = point.law(candidate, balance)
             if not np.isfinite(fits.value(candidate)).all():
                 continue
             off = w * (balance - fits.nearest_multiplier(candidate, balance)).ravel()[rows]
-            moved = (candidate - held).ravel()[rows]
+            moved = (candidate - local).ravel()[rows]
             estimate = float(np.sqrt(abs(moved @ S @ moved))) + float(np.sqrt(abs(off @ flexibility @ off))) / margin
             if estimate < least:
                 least, chosen, chosen_lam = estimate, candidate, balance

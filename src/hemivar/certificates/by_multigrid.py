@@ -25,7 +25,7 @@ from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["Mode", "SolveByCycles", "SolveByMultigrid", "Subspace", "start_vector"]
+__all__ = ["DENSE", "Mode", "SolveByCycles", "SolveByMultigrid", "Subspace", "start_vector"]
 
 #: An estimate of the smallest eigenvalue of K, scaled to a unit diagonal, that stands for zero if no mesh says more.
 _ESTIMATED = 1e-9
@@ -34,23 +34,33 @@ _SINGLE = 1e-8
 #: A pivot of the coarsest matrix this small against the diagonal entry of its row means that the matrix is singular.
 _SINGULAR = 1e-13
 #: Rows up to which an eigenproblem on the coarsest level is solved as a dense one.
-_DENSE = 24
+DENSE = 24
 
-#: Part of the square of a dual norm, and of an eigenvalue, that may be left to its bound.
-_DUAL_ACCURACY = 0.02
-_EIGEN_ACCURACY = 1e-3
-#: Part of the unknowns that a level has if work on it is for nothing, against work on the finest one.
-_CHEAP = 1.0 / 30.0
-_CYCLES = 60
-_STEPS = 100
-_COARSE_STEPS = 8
-_BLOCK = 3
-#: What an eigenvalue that was found on coarser meshes alone may be off by on the finest.
-_SAFETY = 0.5
-#: Part of the distance between an eigenvalue and the value that it is compared with.
-_APART = 0.1
-#: Cycles that tell how good one is.
-_TRIED = 12
+
+@dataclass(frozen=True)
+class _Effort:
+    """How much work a norm or an eigenvalue is worth."""
+
+    #: Part of the square of a dual norm, and of an eigenvalue, that may be left to its bound.
+    dual_accuracy: float = 0.02
+    eigen_accuracy: float = 1e-3
+    #: Part of the unknowns that a level has if work on it is for nothing, against work on the finest one.
+    cheap: float = 1.0 / 30.0
+    #: Cycles for a dual norm, and steps for an eigenvalue on the finest level and on coarser ones, at most.
+    cycles: int = 60
+    steps: int = 100
+    coarse_steps: int = 8
+    #: Vectors that are kept where work is for nothing.
+    block: int = 3
+    #: What an eigenvalue that was found on coarser meshes alone may be off by on the finest.
+    safety: float = 0.5
+    #: Part of the distance between an eigenvalue and the value that it is compared with.
+    apart: float = 0.1
+    #: Cycles that tell how good one is.
+    tried: int = 12
+
+
+_EFFORT = _Effort()
 
 #: What is near to the inverse of a matrix, for vectors (n,).
 Cycle = Callable[[Array], Array]
@@ -82,10 +92,10 @@ class Subspace:
         sign: Array,
         X: Array,
         count: int = 1,
-        held: IntArray | None = None,
+        fixed: IntArray | None = None,
         vectors: Vectors = WHOLE,
     ) -> None:
-        self._A, self._cycles, self._S, self._sign, self._held, self._vectors = A, cycles, S, sign, held, vectors
+        self._A, self._cycles, self._S, self._sign, self._held, self._vectors = A, cycles, S, sign, fixed, vectors
         #: A vector of the span along which K is not positive, where one was met.
         self.negative: Array | None = None
         self._pick(X, self._A @ X, S @ X, count)
@@ -144,7 +154,7 @@ class Subspace:
             added = float(off**2 / gap if off < gap < np.inf else off)
             fine = added <= accuracy * max(abs(top), floor)
             if near is not None and top < near:
-                fine = fine and added <= _APART * (near - top)
+                fine = fine and added <= _EFFORT.apart * (near - top)
             if fine or step == limit:
                 break
             KZ, SZ = self._A @ Z, self._S @ Z
@@ -194,13 +204,13 @@ class SolveByCycles:
         """The smallest eigenvalue of K scaled to a unit diagonal, by half."""
         root = sp.csr_array(sp.diags_array(np.sqrt(self.diagonal)))
         subspace = self._started(root)
-        added = subspace.improve(self.quality, _STEPS, 0.1)
-        return 0.0 if subspace.negative is not None else _SAFETY / (float(subspace.values[0]) + added)
+        added = subspace.improve(self.quality, _EFFORT.steps, 0.1)
+        return 0.0 if subspace.negative is not None else _EFFORT.safety / (float(subspace.values[0]) + added)
 
     @cached_property
     def quality(self) -> float:
         """The smallest eigenvalue of C K, by half: how good a cycle C is."""
-        return _SAFETY * max(1.0 - _kept(self._matrix, self._cycle, self._start(), self.vectors), 0.01)
+        return _EFFORT.safety * max(1.0 - _kept(self._matrix, self._cycle, self._start(), self.vectors), 0.01)
 
     def multiply(self, v: Array) -> Array:
         """``K v``."""
@@ -209,12 +219,12 @@ class SolveByCycles:
     def dual(self, b: Array, guess: Array | None = None) -> tuple[Array, float]:
         """About ``K^-1 b`` (n,), and a bound of ``b'K^-1 b`` that is at most about 2 % too large."""
         if guess is None:
-            x, found, left = self._descend(self._matrix, self.diagonal, self._cycle, b)
-            return x, found + left
+            x, work, left = self._descend(self._matrix, self.diagonal, self._cycle, b)
+            return x, work + left
         rest = b - self.multiply(guess)
         before = float(self.vectors.total(float(guess @ (b + rest)))[0])
-        x, found, left = self._descend(self._matrix, self.diagonal, self._cycle, rest, before)
-        return guess + x, before + found + left
+        x, work, left = self._descend(self._matrix, self.diagonal, self._cycle, rest, before)
+        return guess + x, before + work + left
 
     def least(self, b: Array) -> float:
         """A lower bound of ``b'K^-1 b``."""
@@ -223,7 +233,7 @@ class SolveByCycles:
     def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
         """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n), by locally optimal conjugate gradients."""
         subspace = self._started(part)
-        added = subspace.improve(self.quality, _STEPS, _EIGEN_ACCURACY, near=near)
+        added = subspace.improve(self.quality, _EFFORT.steps, _EFFORT.eigen_accuracy, near=near)
         return Mode(float(subspace.values[0]), float(subspace.values[0]) + added, subspace.X[:, 0])
 
     def _start(self) -> Array:
@@ -233,9 +243,9 @@ class SolveByCycles:
 
     def _started(self, S: sp.csr_array) -> Subspace:
         cycles = partial(_columns, self._cycle)
-        start = self._start()[:, None] * np.cos(np.arange(_BLOCK) * (1.0 + self._start()[:, None]))
+        start = self._start()[:, None] * np.cos(np.arange(_EFFORT.block) * (1.0 + self._start()[:, None]))
         X = cycles(np.asarray(S.T @ (S @ start)))
-        return Subspace(self._matrix, cycles, S, np.ones(S.shape[0]), X, _BLOCK, vectors=self.vectors)
+        return Subspace(self._matrix, cycles, S, np.ones(S.shape[0]), X, _EFFORT.block, vectors=self.vectors)
 
     def _quality_met(self, gains: Array, rests: Array) -> float:
         """:attr:`quality`, or half of what conjugate gradients have met where that is less.
@@ -245,7 +255,7 @@ class SolveByCycles:
         if not gains.size or not (gains > 0.0).all() or not (rests > 0.0).all():
             return self.quality
         met = _least_ritz_value(gains, rests)
-        return self.quality if met >= self.quality else max(_SAFETY * met, np.finfo(float).tiny)
+        return self.quality if met >= self.quality else max(_EFFORT.safety * met, np.finfo(float).tiny)
 
     def _descend(
         self, A: Matrix, diagonal: Array, cycle: Cycle, b: Array, before: float = 0.0
@@ -255,20 +265,20 @@ class SolveByCycles:
         They end once that is a small part of the whole, ``before`` included.
         """
         total = self.vectors.total
-        x, found, left, gains, rests = np.zeros_like(b), 0.0, 0.0, list[float](), list[float]()
+        x, work, left, gains, rests = np.zeros_like(b), 0.0, 0.0, list[float](), list[float]()
 
         def precondition(rest: Array) -> Array:
-            nonlocal found, left
+            nonlocal work, left
             check_time()
             z = cycle(rest)
             # b'A^-1 b = x'(b + r) + r'A^-1 r whatever x is; r'x is zero but for the rounding of the cycles.
             gained, rest_seen = total(float(x @ b) + float(x @ rest), float(rest @ z)).tolist()
-            found, seen = max(gained, 0.0), max(rest_seen, 0.0)
-            gains.append(found)
+            work, seen = max(gained, 0.0), max(rest_seen, 0.0)
+            gains.append(work)
             rests.append(seen)
             left = seen / self._quality_met(np.diff(gains), np.array(rests))
             # A step of length one gains at most what is left.
-            return np.zeros_like(z) if left <= _DUAL_ACCURACY * (found + before) else z
+            return np.zeros_like(z) if left <= _EFFORT.dual_accuracy * (work + before) else z
 
         def moved(_: int, to: Array) -> Array:
             nonlocal x
@@ -276,9 +286,9 @@ class SolveByCycles:
             return np.zeros(0)
 
         descent = conjugate_gradients(
-            A, diagonal, b, precondition, 0.0, _CYCLES, moved, self.vectors, flexible=self.flexible
+            A, diagonal, b, precondition, 0.0, _EFFORT.cycles, moved, self.vectors, flexible=self.flexible
         )
-        return descent.solution, found, left
+        return descent.solution, work, left
 
 
 def _least_ritz_value(gains: Array, rests: Array) -> float:
@@ -300,7 +310,7 @@ def _columns(cycle: Cycle, right: Array) -> Array:
 def _kept(A: Matrix, cycle: Cycle, x: Array, vectors: Vectors = WHOLE) -> float:
     """The largest factor by which a cycle was seen to reduce the error of ``A x = 0``, from a start x."""
     factor = 0.0
-    for _ in range(_TRIED):
+    for _ in range(_EFFORT.tried):
         x = x / np.sqrt(abs(vectors.total(float(x @ (A @ x)))[0]))
         x = x - cycle(A @ x)
         factor = max(factor, float(np.sqrt(abs(vectors.total(float(x @ (A @ x)))[0]))))
@@ -352,10 +362,10 @@ class SolveByMultigrid(SolveByCycles):
         if self._known is not None:
             return None
         guard = rounding(self.stiffness, self.diagonal)
-        found = lowest_quotient(self.stiffness)
+        lowest = lowest_quotient(self.stiffness)
         if not self.definite and self._negative is not None:
-            found = min(found, self._negative)
-        return found if found < -guard else None
+            lowest = min(lowest, self._negative)
+        return lowest if lowest < -guard else None
 
     def least(self, b: Array) -> float:
         """A lower bound of ``b'K^-1 b``: what the next coarser level sees of it.
@@ -380,7 +390,7 @@ class SolveByMultigrid(SolveByCycles):
             subspace = self._subspace(k, roots[k], X, self._fast_on(k))
             added = 0.0
             if self._known is None:  # the coarse levels may know nothing of its rigid motions
-                added = subspace.improve(self._fast_quality, _STEPS, 0.1)
+                added = subspace.improve(self._fast_quality, _EFFORT.steps, 0.1)
             elif self._cheap(k):
                 subspace.improve(self._fast_quality, 2, 0.1)
             if subspace.negative is not None:
@@ -388,7 +398,7 @@ class SolveByMultigrid(SolveByCycles):
                     self._negative = quotient(self.stiffness, subspace.negative, self.diagonal)
                 return 0.0
             X, lowest = subspace.X, 1.0 / (float(subspace.values[0]) + added)
-        return _SAFETY * lowest
+        return _EFFORT.safety * lowest
 
     @cached_property
     def quality(self) -> float:
@@ -409,7 +419,7 @@ class SolveByMultigrid(SolveByCycles):
         A, cycle = LevelMatrix(levels, k), cycle_on(k)
         factor = _kept(A, cycle, cycle(np.random.default_rng(7).standard_normal(levels.sizes[k])))
         deeper = max(min(levels.algebraic, self._top) - k, 0)
-        return float(_SAFETY ** (1 + deeper) * max(1.0 - factor, 0.01))
+        return float(_EFFORT.safety ** (1 + deeper) * max(1.0 - factor, 0.01))
 
     def _coarsest(self, S: sp.csr_array, count: int) -> Array | None:
         """Vectors (n, count) of the top of ``(S'S, K)`` on the coarsest level; None if K is singular there."""
@@ -426,7 +436,7 @@ class SolveByMultigrid(SolveByCycles):
         def up(x: Array) -> Array:
             return np.asarray(inverse.T @ x)
 
-        if len(A) <= _DENSE:
+        if len(A) <= DENSE:
             image = S @ up(np.eye(len(A)))
             return up(np.linalg.eigh(image.T @ image)[1][:, ::-1][:, :count])
         operator = spla.LinearOperator(A.shape, matvec=lambda x: inverse @ (S.T @ (S @ up(x.ravel()))), dtype=float)
@@ -435,7 +445,7 @@ class SolveByMultigrid(SolveByCycles):
 
     def _cheap(self, k: int) -> bool:
         """Whether work on a level is for nothing."""
-        return k <= 1 or self._levels.sizes[k] <= _CHEAP * self._levels.sizes[self._top]
+        return k <= 1 or self._levels.sizes[k] <= _EFFORT.cheap * self._levels.sizes[self._top]
 
     def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
         """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n), from coarse to fine.
@@ -446,20 +456,20 @@ class SolveByMultigrid(SolveByCycles):
         levels, parts = self._levels, [part]
         for k in range(self._top, 0, -1):
             parts.insert(0, sp.csr_array(parts[0] @ levels.transfers[k - 1].prolongation))
-        X = self._coarsest(parts[0], _BLOCK)
+        X = self._coarsest(parts[0], _EFFORT.block)
         assert X is not None
         gap, added = np.inf, 0.0
         for k in range(1, self._top + 1):
             X = levels.transfers[k - 1].prolongation @ X
-            count = _BLOCK if self._cheap(k) and k < self._top else 1
+            count = _EFFORT.block if self._cheap(k) and k < self._top else 1
             subspace = self._subspace(k, parts[k], X, self._cycle_on(k), count)
-            limit, told = (_STEPS, near) if k == self._top else (_COARSE_STEPS, None)
-            added = subspace.improve(self.quality, limit, _EIGEN_ACCURACY, gap, told)
+            limit, target = (_EFFORT.steps, near) if k == self._top else (_EFFORT.coarse_steps, None)
+            added = subspace.improve(self.quality, limit, _EFFORT.eigen_accuracy, gap, target)
             X, gap = subspace.X, subspace.gap(gap)
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0])
 
-    def constrained(self, rows: sp.csr_array, weight: Array, held: BoolArray) -> Mode | None:
+    def constrained(self, rows: sp.csr_array, weight: Array, fixed: BoolArray) -> Mode | None:
         """Largest eigenvalue of ``(C' diag(weight) C, K)`` on the displacements that leave the held components at rest.
 
         C (k, n) are ``rows``, the weights (k,) are of either sign, and ``held`` (m, d) are components of the contact
@@ -469,22 +479,24 @@ class SolveByMultigrid(SolveByCycles):
             return None
         unknown, _, active, _ = contact_unknowns(self.problem.contact)
         levels, first = self._levels, self._levels.algebraic
-        rest = [unknown[held[active]]]
+        rest = [unknown[fixed[active]]]
         parts = [sp.csr_array(sp.diags_array(np.sqrt(np.abs(weight))) @ rows)]
         for k in range(self._top, first, -1):  # coarse functions that reach a held unknown are left out
             prolongation = levels.transfers[k - 1].prolongation
             rest.insert(0, np.unique(prolongation[rest[0]].indices))
             parts.insert(0, sp.csr_array(parts[0] @ prolongation))
         truncated = Truncated(levels, self._top, vanishing=True)
-        truncated.change(held[active], sp.csr_array((unknown.size, unknown.size)))
+        truncated.change(fixed[active], sp.csr_array((unknown.size, unknown.size)))
         truncated.prepare()
-        start = parts[0] @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal((levels.sizes[first], _BLOCK)))
+        start = parts[0] @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal((levels.sizes[first], _EFFORT.block)))
         X, gap, added = np.zeros((levels.sizes[first], 0)), np.inf, 0.0
         for k, part, out in zip(range(first, self._top + 1), parts, rest, strict=True):
             X = X if k == first else levels.transfers[k - 1].prolongation @ X
-            fresh = np.asarray(part.T @ start[:, : _BLOCK if k == first else 1])  # what was left out comes in again
+            fresh = np.asarray(
+                part.T @ start[:, : _EFFORT.block if k == first else 1]
+            )  # what was left out comes in again
             fresh[out] = 0.0
-            count = _BLOCK if self._cheap(k) or k == first else 1
+            count = _EFFORT.block if self._cheap(k) or k == first else 1
             cycles = partial(_columns, self._cycle_on(k, truncated))
             X = np.hstack([X, cycles(fresh)])
             subspace = Subspace(
@@ -496,7 +508,7 @@ class SolveByMultigrid(SolveByCycles):
                 count,
                 out,
             )
-            added = subspace.improve(self.quality, _STEPS, _EIGEN_ACCURACY, gap, near=1.0, floor=1.0)
+            added = subspace.improve(self.quality, _EFFORT.steps, _EFFORT.eigen_accuracy, gap, near=1.0, floor=1.0)
             X, gap = subspace.X, subspace.gap(gap)
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0]) if top > 1.0 or top + added < 1.0 else None

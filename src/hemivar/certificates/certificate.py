@@ -160,10 +160,10 @@ def certify(
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
         point = Point(problem, energy, u, lam)
-        found = certified(point, tolerance, kept if trace_constant else None, budget, exact, deformed)
+        certificate = certified(point, tolerance, kept if trace_constant else None, budget, exact, deformed)
     if distance is None:
-        return found
-    return replace(found, exact=distance(problem, u, max_time=budget.left, workspace=kept))
+        return certificate
+    return replace(certificate, exact=distance(problem, u, max_time=budget.left, workspace=kept))
 
 
 _Classified = tuple[PointKind, bool | str | None, LocalStudy | None]
@@ -258,8 +258,8 @@ def certified(
             left_out.append(name)
             return instead
 
-    found = residual(problem, u, lam)
-    stationary = found.below(0.0, tolerance)
+    defect = residual(problem, u, lam)
+    stationary = defect.below(0.0, tolerance)
     constants, outside = in_time(
         "margin",
         lambda: within_reach(
@@ -295,10 +295,10 @@ def certified(
     certificate = Certificate(
         equilibrium=equilibrium,
         equilibrium_relative=_ratio(equilibrium, load_norm),
-        inclusion=found.inclusion,
-        inclusion_relative=_ratio(found.inclusion, found.scale),
+        inclusion=defect.inclusion,
+        inclusion_relative=_ratio(defect.inclusion, defect.scale),
         inclusion_distance=float(vectors.largest(float(off.max(initial=0.0)))[0]),
-        residual=found,
+        residual=defect,
         energy=problem.energy(u, lam),
         margin=constants.margin,
         error_bound=bound,
@@ -313,7 +313,7 @@ def certified(
         smallness=constants,
         method=energy.by.method,
         seconds=budget.spent,
-        warnings=tuple(said for said in (*problem.notes, strained, outside) if said),
+        warnings=tuple(warning for warning in (*problem.notes, strained, outside) if warning),
         error_bound_sampled=constants.sampled or bool(constants.within),
         left_out=tuple(left_out),
         apart=not energy.at_hand,

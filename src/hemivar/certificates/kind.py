@@ -79,7 +79,7 @@ class _Sorted:
     """The components by what they do: move freely, held at a kink, undecided, fall to both sides or to one."""
 
     free: _Components
-    held: _Components
+    at_kink: _Components
     weak: _Components
     falls: _Components
     one_sided: _Components
@@ -106,7 +106,7 @@ def _sort(sides: Sides, slack: float) -> _Sorted:
     every = _Components(point, axis, bend)
     return _Sorted(
         free=every.where(smooth & (low == high)),
-        held=every.where(up & inside),
+        at_kink=every.where(up & inside),
         weak=every.where(weak),
         falls=every.where(down & right & left),
         one_sided=_Components(point, outward, bend).where(down & ~(right & left)),
@@ -121,10 +121,10 @@ def _components(point: Point) -> _Sorted:
     r = np.where(active, law.fitted(problem.local(point.u), point.lam, tau), 0.0)
     slack = max(_AT_END * float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
     first, *others = (_sort(sides, slack) for sides in law.sides(r, point.lam, active, tau, slack))
-    found = first
+    components = first
     for more in others:
-        found += more
-    return replace(found, free=found.free.ordered())
+        components += more
+    return replace(components, free=components.free.ordered())
 
 
 def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: EnergyNorm) -> PointKind:
@@ -145,11 +145,11 @@ def study(point: Point) -> LocalStudy:
 
     Where the law depends on the state there is no energy: kind and curvature are those with the state held fixed.
     """
-    law, found = point.problem.law, _studied(point)
+    law, local = point.problem.law, _studied(point)
     if not (point.problem.contact_points and law.state_dependent):
-        return found
-    kind = PointKind.WITHOUT_ENERGY if law.depends_on_whole_state else found.kind.bound_fixed
-    return replace(found, kind=kind)
+        return local
+    kind = PointKind.WITHOUT_ENERGY if law.depends_on_whole_state else local.kind.bound_fixed
+    return replace(local, kind=kind)
 
 
 def _studied(point: Point) -> LocalStudy:
@@ -159,7 +159,7 @@ def _studied(point: Point) -> LocalStudy:
         point = Point(tangent, energy_norm(tangent), point.u, point.lam)
     m, d = point.problem.contact_points, point.problem.contact.components
     parts = _components(point)
-    free, held, weak, falls, one_sided = parts.free, parts.held, parts.weak, parts.falls, parts.one_sided
+    free, at_kink, weak, falls, one_sided = parts.free, parts.at_kink, parts.weak, parts.falls, parts.one_sided
 
     alone = point.energy.definite  # else curvatures are those of a body on springs, of which the sign counts
 
@@ -171,23 +171,23 @@ def _studied(point: Point) -> LocalStudy:
     if one_sided.size and not falls.size:
         return LocalStudy(PointKind.CLARKE_STATIONARY, -np.inf, shown(one_sided))
     if falls.size:
-        everywhere = not (held.size or weak.size or one_sided.size) and (point.energy.factorised or not free.size)
+        everywhere = not (at_kink.size or weak.size or one_sided.size) and (point.energy.factorised or not free.size)
         if everywhere and free.size:
             curvatures, _ = _curvatures(point, free, falls, every=True)
             everywhere = curvatures is not None and bool(np.all(curvatures < -_FLAT))
         return LocalStudy(PointKind.MAXIMUM if everywhere else PointKind.SADDLE, -np.inf, shown(falls))
     few = free.size <= _FEW and point.energy.factorised
-    strict, direction = _curvatures(point, free, held + weak, every=few)
+    strict, direction = _curvatures(point, free, at_kink + weak, every=few)
     if strict is None:
         return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, None, None)
     lowest = float(strict.min(initial=1.0))
     if lowest < -_FLAT:
-        whole = alone and few and not held.size and not weak.size and bool(np.all(strict < -_FLAT))
+        whole = alone and few and not at_kink.size and not weak.size and bool(np.all(strict < -_FLAT))
         kind = PointKind.MAXIMUM if whole else PointKind.SADDLE
         return LocalStudy(kind, lowest if alone else None, direction)
     least = lowest
     if weak.size and lowest > _FLAT:
-        wider, _ = _curvatures(point, free + weak, held, every=few and free.size + weak.size <= _FEW)
+        wider, _ = _curvatures(point, free + weak, at_kink, every=few and free.size + weak.size <= _FEW)
         least = -np.inf if wider is None else float(wider.min(initial=1.0))
     if least > _FLAT:
         return LocalStudy(PointKind.LOCAL_MINIMISER, least if alone else None, None)
@@ -204,7 +204,7 @@ def _rows(point: Point, parts: _Components) -> sp.csr_array:
     return sp.csr_array(select @ problem.contact.trace)
 
 
-def _curvatures(point: Point, free: _Components, held: _Components, every: bool) -> tuple[Array | None, Array | None]:
+def _curvatures(point: Point, free: _Components, fixed: _Components, every: bool) -> tuple[Array | None, Array | None]:
     """Eigenvalues of ``(K + C'W j'' C, K)``, the held rows at rest: those of the contact components, or the lowest.
 
     Returns them with the local displacements of the lowest one; None where they cannot be had.
@@ -215,12 +215,12 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
     weight = problem.contact.weights[free.point] * free.bend
     count = C.shape[0]
     if not point.energy.definite:
-        return _curvatures_on_foundation(point, C, weight, held), None
+        return _curvatures_on_foundation(point, C, weight, fixed), None
     if count == 0 or not np.any(weight < 0.0):
         return np.ones(1), None
     if isinstance(point.energy.by, SolveByMultigrid):
-        return _lowest_by_multigrid(point, point.energy.by, C, weight, held)
-    solver = _ConstrainedSolver(point.energy, _rows(point, held))
+        return _lowest_by_multigrid(point, point.energy.by, C, weight, fixed)
+    solver = _ConstrainedSolver(point.energy, _rows(point, fixed))
     if not solver.definite:
         return None, None
     if every:
@@ -237,7 +237,7 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
     return 1.0 - top, _normalised(problem.contact.trace @ modes[:, 0], m, d)
 
 
-def _curvatures_on_foundation(point: Point, C: sp.csr_array, weight: Array, held: _Components) -> Array | None:
+def _curvatures_on_foundation(point: Point, C: sp.csr_array, weight: Array, fixed: _Components) -> Array | None:
     """The lowest eigenvalue of ``(K + C'W j'' C, K + S)`` for a body that its foundation holds at rest only.
 
     S are springs as stiff as the body at all contact points, with which K has no kernel.  The sign is that of the
@@ -255,7 +255,7 @@ def _curvatures_on_foundation(point: Point, C: sp.csr_array, weight: Array, held
     springs = (problem.contact.weights[:, None] / np.repeat(point.compliance, [1, d - 1], axis=1)).ravel()[seen]
     on = sp.csr_array(trace[seen])
     norm = EnergyNorm(sp.csr_array(stiffness + on.T @ sp.diags_array(springs) @ on))
-    solver = _ConstrainedSolver(norm, _rows(point, held)) if norm.definite else None
+    solver = _ConstrainedSolver(norm, _rows(point, fixed)) if norm.definite else None
     if solver is None or not solver.definite:
         return None
     values, _, _ = _dense(solver, sp.csr_array(sp.vstack([C, on])), np.concatenate([weight, -springs]))
@@ -279,16 +279,16 @@ def _dense(solver: _ConstrainedSolver, C: sp.csr_array, weight: Array) -> tuple[
 
 
 def _lowest_by_multigrid(
-    point: Point, energy: SolveByMultigrid, C: sp.csr_array, weight: Array, held: _Components
+    point: Point, energy: SolveByMultigrid, C: sp.csr_array, weight: Array, fixed: _Components
 ) -> tuple[Array | None, Array | None]:
     """The lowest eigenvalue alone: what its vector attains where that is negative, else what it is at least."""
     problem = point.problem
     m, d = problem.contact_points, problem.contact.components
     at_rest = np.zeros((m, d), dtype=bool)
-    row, component = np.nonzero(held.axis)
-    if row.size != held.size or np.any(np.diff(row) == 0):  # a direction that is no component
+    row, component = np.nonzero(fixed.axis)
+    if row.size != fixed.size or np.any(np.diff(row) == 0):  # a direction that is no component
         return None, None
-    at_rest[held.point[row], component] = True
+    at_rest[fixed.point[row], component] = True
     mode = energy.constrained(C, -weight, at_rest)
     if mode is None or mode.vector is None:
         return None, None
@@ -304,15 +304,15 @@ def _normalised(vector: Array, m: int, d: int) -> Array:
 class _ConstrainedSolver:
     """``v`` minimising ``1/2 v'K v - b'v`` subject to ``D v = 0``."""
 
-    def __init__(self, energy: EnergyNorm, held: sp.csr_array) -> None:
+    def __init__(self, energy: EnergyNorm, fixed: sp.csr_array) -> None:
         self._energy = energy
-        self._count = held.shape[0]
+        self._count = fixed.shape[0]
         self._factor: spla.SuperLU | None = None
         self.definite = energy.definite
         if self._count == 0:
             return
         scale = float(energy.stiffness.diagonal().mean())
-        system = sp.csc_array(sp.block_array([[energy.stiffness, scale * held.T], [scale * held, None]]))
+        system = sp.csc_array(sp.block_array([[energy.stiffness, scale * fixed.T], [scale * fixed, None]]))
         try:
             self._factor = spla.splu(system)
         except RuntimeError:

@@ -46,19 +46,19 @@ def below(problem: DiscreteProblem) -> DiscreteProblem:
     bulk = problem.bulk
     if isinstance(bulk, Quadratic):
         return problem
-    found: Quadratic | None = None
+    linear: Quadratic | None = None
     if isinstance(bulk, Potential):
-        found = bulk.lower
+        linear = bulk.lower
     origin, model = None, problem.model
-    if found is not None and isinstance(model.parts, Composition):  # a step in time
+    if linear is not None and isinstance(model.parts, Composition):  # a step in time
         own, family = model.parts, model.parts.family
         lower = cast(OperatorFamily, family.known.once("below", lambda: _family_below(family)))
         return problem.fitted(replace(own, family=lower, place=None).model(model.resisted))
-    if found is None:
-        found = bulk.at_rest if isinstance(bulk, Potential) else Quadratic(bulk.hessian(np.zeros(bulk.unknowns)))
+    if linear is None:
+        linear = bulk.at_rest if isinstance(bulk, Potential) else Quadratic(bulk.hessian(np.zeros(bulk.unknowns)))
     elif model.origin is not None and model.parts is None:  # the same on coarser meshes
         origin = lower_statement(model.origin)
-    return problem.fitted(replace(model, bulk=found, origin=origin, parts=None))
+    return problem.fitted(replace(model, bulk=linear, origin=origin, parts=None))
 
 
 def _family_below(family: OperatorFamily) -> OperatorFamily:
@@ -76,10 +76,10 @@ def at_tangent(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
     if isinstance(bulk, Quadratic):
         return problem
     if isinstance(bulk, Potential):
-        found = tangent_problem(problem, u)
+        tangent = tangent_problem(problem, u)
     else:
-        found = problem.under(None, bulk=Quadratic(bulk.hessian(u)))
-    return found.under(problem.out_of_balance(u) + found.bulk.gradient(u))
+        tangent = problem.under(None, bulk=Quadratic(bulk.hessian(u)))
+    return tangent.under(problem.out_of_balance(u) + tangent.bulk.gradient(u))
 
 
 def lower_bound_by(problem: DiscreteProblem) -> str:

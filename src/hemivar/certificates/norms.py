@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
-from hemivar.certificates.by_multigrid import Mode, SolveByMultigrid, start_vector
+from hemivar.certificates.by_multigrid import DENSE, Mode, SolveByMultigrid, start_vector
 from hemivar.certificates.linear_bodies import below
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.definite import indefinite, positive_pivots, rounding
@@ -25,8 +25,6 @@ __all__ = ["FACTORISED", "EnergyNorm", "Factorised", "Solve", "energy_norm", "fa
 FACTORISED = (30_000, 6_000)
 #: Relative accuracy asked of an eigenvalue; what is returned is raised by as much.
 _EIGEN_TOLERANCE = 1e-8
-#: Rows up to which an eigenproblem is solved as a dense one.
-_DENSE = 24
 
 
 class Solve(Protocol):
@@ -140,7 +138,7 @@ class Factorised:
         """A lower bound of the smallest eigenvalue of K scaled to a unit diagonal."""
         root = np.sqrt(self.diagonal)
         n = root.size
-        if n <= _DENSE:
+        if n <= DENSE:
             scaled = self.stiffness.toarray() / np.outer(root, root)
             return float(np.linalg.eigvalsh(scaled)[0])
         inverse = spla.LinearOperator((n, n), matvec=lambda x: root * self.solve(root * x.ravel()), dtype=float)
@@ -150,7 +148,7 @@ class Factorised:
     def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
         """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n); a solve with K for each step of a Lanczos iteration."""
         count = part.shape[0]
-        if count <= _DENSE:
+        if count <= DENSE:
             flexibility = part @ self.solve(part.T.toarray())
             top = float(np.linalg.eigvalsh(0.5 * (flexibility + flexibility.T))[-1])
             return Mode(top, top * (1.0 + 1e-12))

@@ -62,12 +62,12 @@ def motion_left(point: Point, tolerance: float) -> str | None:
         count = group.columns.stop - group.columns.start
         up, down = (np.where(np.concatenate([_NONE, *(one[i] for one in barred)]), np.inf, 0.0) for i in (1, 2))
         every, slips = np.concatenate([np.zeros((0, count)), *rows]), np.zeros((0, 2, count))
-        found = decide(RecessionFunction(np.zeros(count), 0.0, every, up, down, slips, np.zeros(0), slack))
-        if found.verdict is Coercivity.HELD:
+        growth = decide(RecessionFunction(np.zeros(count), 0.0, every, up, down, slips, np.zeros(0), slack))
+        if growth.verdict is Coercivity.HELD:
             continue
-        if found.direction is None:
+        if growth.direction is None:
             return None
-        moved = group.coefficients @ found.direction
+        moved = group.coefficients @ growth.direction
         return describe(moved[int(np.argmax(np.linalg.norm(moved, axis=1)))])
     return ""
 
@@ -82,11 +82,11 @@ def _barred(point: Point, near: float) -> list[tuple[Sides, BoolArray, BoolArray
     still = np.linalg.norm(r[:, 1:], axis=1) <= near * float(np.abs(r).max(initial=0.0))
     r[still, 1:] = 0.0
     normal, *others = law.sides(r, point.lam, point.active, tau, slack)
-    found = [(normal, *_ways(normal, tau[normal.point, 0], slack, _CURVED))]
+    barred = [(normal, *_ways(normal, tau[normal.point, 0], slack, _CURVED))]
     for sides in others:
         up, down = _ways(sides, tau[sides.point, 1], slack, _TURNED)
-        found.append((sides, up & down, up & down))  # at rest an axis does not tell which way is barred
-    return found
+        barred.append((sides, up & down, up & down))  # at rest an axis does not tell which way is barred
+    return barred
 
 
 def _ways(sides: Sides, tau: Array, slack: float, curved: float) -> tuple[BoolArray, BoolArray]:

@@ -195,8 +195,8 @@ def smallness(
     """
     problem = as_discrete(problem, "smallness")
     energy = energy_norm(problem, workspace) if factor is None else factor
-    found = _constants_at(problem, energy, displacement, multiplier)
-    return with_survey(problem, found, trace_constant, workspace)
+    constants = _constants_at(problem, energy, displacement, multiplier)
+    return with_survey(problem, constants, trace_constant, workspace)
 
 
 def margin_at(problem: DiscreteProblem, displacement: Array, multiplier: Array, workspace: Workspace) -> float:
@@ -467,21 +467,21 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
         if size > limit:
             outside = f"the {what} {size:.4g} lies outside of the reach {limit:g} of its law"
             return constants, f"{outside}: whether there are other solutions is not known; give the law a larger reach"
-    found = constants
+    reached = constants
     for factor in (np.inf, *_REACHES):
         near = float(f"{factor * max(sizes):.3g}")
         reach = tuple(min(limit, near) if limit < np.inf else limit for limit in limits)
         if min(reach) > 0.0:
             bounds = largest_bounds(problem, point.energy, point, reach) if _bound_depends(problem) else None
-            found = replace(
+            reached = replace(
                 _constants(problem, point.energy, bounds, reach),
                 alpha_sampled=False,
                 reach_normal=reach[0],
                 reach_tangential=reach[1],
             )
-        if found.margin > 0.0:
+        if reached.margin > 0.0:
             break
-    return found, ""
+    return reached, ""
 
 
 def ellipticity(statement: ContactProblem) -> float:

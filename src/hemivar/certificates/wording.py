@@ -169,12 +169,12 @@ class Certificate(ReprMixin):
 
     def claim(self, label: str) -> Claim:
         """The first claim of a label, such as "kind", "margin" or "distance"."""
-        found = [one for one in self.claims if isinstance(label, str) and one.label == label]
-        if not found:
+        labelled = [one for one in self.claims if isinstance(label, str) and one.label == label]
+        if not labelled:
             raise ProblemError(
                 f"nothing is claimed of {quoted(label)}; choose one of {', '.join(one.label for one in self.claims)}"
             )
-        return found[0]
+        return labelled[0]
 
     def lines(self, whole: bool = False) -> list[str]:
         """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""
@@ -224,10 +224,10 @@ class Certificate(ReprMixin):
 def _claims(certificate: Certificate) -> list[Claim]:
     """All that a certificate claims, in the order of its lines."""
     c, constants = certificate, certificate.smallness
-    found: list[Claim] = []
+    claims: list[Claim] = []
 
     def say(label: str, sentence: str, value: object = None, whole: bool = False, doubt: str = "") -> None:
-        found.append(Claim(label, sentence, value, doubt, whole))
+        claims.append(Claim(label, sentence, value, doubt, whole))
 
     off_load = f"{_text(c.equilibrium)} in the K^-1 norm, {_text(c.equilibrium_relative)} of the load's"
     say("equilibrium", off_load, c.equilibrium_relative, whole=True)
@@ -235,8 +235,8 @@ def _claims(certificate: Certificate) -> list[Claim]:
     say("inclusion", off_law, c.inclusion_relative, whole=True)
     relative = c.residual.relative
     say("residual", f"{relative:.1e} relative, tolerance {c.tolerance:.0e}", relative, whole=True)
-    held = "mode of the glue" if c.kind is PointKind.WITHOUT_ENERGY else "friction bound"
-    fixed = f", with the {held} held fixed" if constants.m_L > 0.0 else ""
+    frozen = "mode of the glue" if c.kind is PointKind.WITHOUT_ENERGY else "friction bound"
+    fixed = f", with the {frozen} held fixed" if constants.m_L > 0.0 else ""
     say("energy", f"{c.energy:.10g}{fixed}", c.energy, whole=True)
     sampled = c.unique is None and c.margin > 0.0 and constants.sampled
     known = c.uniqueness + (" (the margin is positive, but sampled)" if sampled else "")
@@ -258,7 +258,7 @@ def _claims(certificate: Certificate) -> list[Claim]:
         margin = f"{known}: {_without_margin(constants)}"
     say("margin", margin, c.margin, bounded, doubt)
     say("distance", _distance(c), c.error_bound_relative, doubt=doubt)
-    found += [] if c.exact is None else [Claim(line[:_LABEL].rstrip(), line[_LABEL:]) for line in c.exact.lines()]
+    claims += [] if c.exact is None else [Claim(line[:_LABEL].rstrip(), line[_LABEL:]) for line in c.exact.lines()]
     if c.left_out:
         why = "not shown by many processes, or in this time" if c.apart else "the time limit was reached"
         say("left out", f"{', '.join(c.left_out)}: {why}", c.left_out, c.left_out == ("trace constant",) and c.apart)
@@ -267,7 +267,7 @@ def _claims(certificate: Certificate) -> list[Claim]:
     if constants.stiffness_by:
         say("body", lower_bound_words(constants.stiffness_by))
     say("certified", f"in {c.seconds:.2g} s by {c.method}", c.seconds)
-    return found + [Claim(label, sentence, whole=True) for label, sentence in _constants(constants)]
+    return claims + [Claim(label, sentence, whole=True) for label, sentence in _constants(constants)]
 
 
 def _distance(c: Certificate) -> str:

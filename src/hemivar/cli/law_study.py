@@ -183,13 +183,13 @@ def _print_entry(entry: LawEntry) -> None:
     from hemivar.basics.stated import Form
 
     samples = {Form.LIST: "[...]", Form.FILE: '"law.csv"', Form.TEXT: '"..."'}
-    required = "".join(f", {p.key} = {samples.get(p.said.form, '...')}" for p in entry.parameters if p.required)
+    required = "".join(f", {p.key} = {samples.get(p.stated.form, '...')}" for p in entry.parameters if p.required)
     print(f"\n  {entry.name}: {entry.summary}")
     if entry.formula:
         print(f"      {entry.formula}")
     print(f'      {entry.kind} = {{ law = "{entry.name}"{required} }}')
     for p in entry.parameters:
-        stated = p.said
+        stated = p.stated
         value = f'"{p.default}"' if isinstance(p.default, str) else f"{p.default:g}" if p.default is not None else ""
         default = f", default {value}" if value else "" if p.required else ", may be left out"
         lowest = (

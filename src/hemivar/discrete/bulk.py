@@ -23,7 +23,7 @@ _SYMMETRY_TOLERANCE = 1e-10
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
 _LEAST_WORK = 1e-270
 #: Rows of a matrix looked at in one go.
-_PORTION = 1 << 16
+PORTION = 1 << 16
 #: Part of the stored entries of a matrix that are none of them zeros, above which zeros are left where they are.
 FEW_ZEROS = 0.95
 
@@ -130,8 +130,8 @@ class Quadratic(PickleMixin, Sized):
         """Sums of the absolute entries of the rows of the stiffness, shape (n,)."""
         K = self.stiffness
         sums = np.zeros(K.shape[0])
-        for start in range(0, K.shape[0], _PORTION):
-            bounds = K.indptr[start : start + _PORTION + 1]
+        for start in range(0, K.shape[0], PORTION):
+            bounds = K.indptr[start : start + PORTION + 1]
             part = np.abs(K.data[bounds[0] : bounds[-1]])
             sums[start : start + len(bounds) - 1] = np.add.reduceat(part, bounds[:-1] - bounds[0])
         return sums
@@ -209,9 +209,9 @@ def without_zeros(matrix: sp.csr_array) -> sp.csr_array:
     """The matrix without stored zeros, for products; the matrix itself where they are few."""
     if np.count_nonzero(matrix.data) > FEW_ZEROS * matrix.nnz:
         return matrix
-    found = matrix.copy()
-    found.eliminate_zeros()
-    return found
+    thinned = matrix.copy()
+    thinned.eliminate_zeros()
+    return thinned
 
 
 def _check_diagonal(diagonal: Array) -> None:

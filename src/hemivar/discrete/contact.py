@@ -130,10 +130,10 @@ class ContactPoints(PickleMixin):
         if single is None:
             return np.asarray(self.trace @ u).reshape(self.shape)
         rows, factor = single
-        found = u.take(rows)
+        trace = u.take(rows)
         if factor is not None:
-            found *= factor
-        return found.reshape(self.shape)
+            trace *= factor
+        return trace.reshape(self.shape)
 
     @cached_property
     def _single(self) -> tuple[IntArray, Array | None] | None:
@@ -168,8 +168,8 @@ class ContactPoints(PickleMixin):
         single = self._single
         if single is None or single[0].size != self.seen.size:
             return np.asarray(self._pressing @ force.ravel())
-        found = force.ravel() if single[1] is None else force.ravel() * single[1]
-        return found.take(self._order)
+        scaled = force.ravel() if single[1] is None else force.ravel() * single[1]
+        return scaled.take(self._order)
 
     @cached_property
     def _order(self) -> IntArray:
@@ -207,21 +207,21 @@ class ContactPoints(PickleMixin):
     def forces(self, force: Array) -> dict[str, Array]:
         """The force on each boundary (d,), of forces (m, d) on the contact points; that on a body that is touched is
         the opposite."""
-        found: dict[str, Array] = {}
+        totals: dict[str, Array] = {}
         for name in self.names:
             total, sides = np.asarray(force[self.on(name)].sum(axis=0)), self.pairs.get(name, (name,))
             for side, one in zip(sides, (total, 0.0 - total), strict=False):
-                found[side] = found.get(side, 0.0) + one
-        return found
+                totals[side] = totals.get(side, 0.0) + one
+        return totals
 
     def moved(self, nodal: Array) -> Array:
         """Values (m, ...) at the contact points of those at the nodes of the field; of two bodies on their own side."""
         at = self.node >= 0
-        found = np.zeros((self.count, *nodal.shape[1:]))
-        found[at] = nodal[self.node[at]]
+        values = np.zeros((self.count, *nodal.shape[1:]))
+        values[at] = nodal[self.node[at]]
         if not at.all() and self.mean is not None:
-            found[~at] = self.mean[~at] @ nodal
-        return found
+            values[~at] = self.mean[~at] @ nodal
+        return values
 
     def on(self, name: str) -> IntArray:
         """Numbers of the contact points of a boundary.

@@ -39,13 +39,14 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     limits: list[str] = []
     balanced: list[bool] = []
     idle: str | None = None
-    found = holds(field, contact, problem.loading, forces, motions)
-    for group, hold in zip(motions.groups, found, strict=True):
-        if hold.found.verdict is not Coercivity.HELD and hold.limit is None and problem.unmoved and rests(hold.touched):
+    holding = holds(field, contact, problem.loading, forces, motions)
+    for group, hold in zip(motions.groups, holding, strict=True):
+        grows = hold.result.verdict is Coercivity.HELD
+        if not grows and hold.limit is None and problem.unmoved and rests(hold.touched):
             idle = IDLE
             continue
         if not hold.held:
-            raise _refusal(problem, motions, group, hold.found)
+            raise _refusal(problem, motions, group, hold.result)
         limits += [hold.limit] if hold.limit else []
         balanced += [] if hold.balanced is None else [hold.balanced]
     friction = (BY_FRICTION if one else AT_LIMIT for one in balanced)
@@ -115,7 +116,7 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
         along = [int(k) for k in group.parts[np.abs(moved).max(axis=1) > _STILL * size] if k != part]
         hold = replace(hold, growth=hold.growth / size)
     who, remedy = _words(field, motions, group, part, along)
-    remedy += "".join(f"; {said}" for said in open_glue(problem))
+    remedy += "".join(f"; {advice}" for advice in open_glue(problem))
     m, c = problem.contact_points, problem.contact.components
     if m and problem.law.rubbed(np.ones((m, c - 1, 1))).any():
         remedy += (
@@ -135,13 +136,13 @@ def open_glue(problem: DiscreteProblem) -> Iterator[str]:
         return
     rest, contact = -problem.offset, problem.contact
     damage = problem.law.debonding(rest).get("damage", np.full(len(rest), np.nan))
-    for place, name in zip(contact.places, contact.names, strict=True):
+    for boundary, name in zip(contact.places, contact.names, strict=True):
         index = contact.on(name)
         if index.size and (damage[index] == 1.0).all():
             gap = -float(rest[index, 0].max())
             yield (
-                f"the glue of '{place}' begins open by {gap:.4g} and holds nothing; where that is the thickness of the "
-                f"layer give gap = {-gap:.4g}"
+                f"the glue of '{boundary}' begins open by {gap:.4g} and holds nothing; where that is the thickness of "
+                f"the layer give gap = {-gap:.4g}"
             )
 
 
@@ -151,8 +152,8 @@ def _words(
     """Who moves, which parts move along with it, and what would hold it."""
     if motions.parts.count == 1:
         return "the body", _REMEDY
-    mesh, place = field.mesh, _vector(motions.parts.place(field.mesh, part))
-    who = f"{_called(motions, mesh, part)} of the body, around x = {place},"
+    mesh, centre = field.mesh, _vector(motions.parts.place(field.mesh, part))
+    who = f"{_called(motions, mesh, part)} of the body, around x = {centre},"
     if group.hinges.size:
         places = _listed([_vector(x) for x in field.nodes[group.hinges]])
         who += f" which is joined to others at x = {places} only,"

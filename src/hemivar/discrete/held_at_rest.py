@@ -71,9 +71,8 @@ AT_LIMIT = (
     "at the limit of friction that grows with the pressure: whether forces within its cone balance the load was not "
     "decided before the solve"
 )
-#: Part of the friction within which what it balances is not decided.
-_BETWEEN = 1e-6
-#: Part of the load against which a foundation must hold a body at rest.
+#: Part of the load against which a foundation must hold a body at rest, and of the friction within which what it
+#: balances is not decided.
 _SMALL = 1e-6
 
 
@@ -81,7 +80,7 @@ _SMALL = 1e-6
 class Hold:
     """How a group of parts is held."""
 
-    found: CoercivityResult
+    result: CoercivityResult
     touched: RecessionFunction  # what its contact resists, without friction that the pressure bounds
     limit: str | None = None  # the sentence for what its foundation holds at rest only
     balanced: bool | None = None
@@ -89,7 +88,7 @@ class Hold:
     @property
     def held(self) -> bool:
         """Whether it is."""
-        return self.found.verdict is Coercivity.HELD or self.limit is not None or self.balanced is not None
+        return self.result.verdict is Coercivity.HELD or self.limit is not None or self.balanced is not None
 
 
 def holds(field: Field, contact: ContactPoints, loading: Loading, forces: Array, motions: RigidModes) -> Iterator[Hold]:
@@ -145,27 +144,27 @@ class _Group:
     def hold(self) -> Hold:
         """How it is held."""
         growth = touched = self.growth()
-        found = decide(growth)
-        if found.verdict is Coercivity.HELD:
-            return Hold(found, growth)
-        limit = NO_MINIMUM if found.verdict is Coercivity.FALLS else PERHAPS_NO_MINIMUM
+        result = decide(growth)
+        if result.verdict is Coercivity.HELD:
+            return Hold(result, growth)
+        limit = NO_MINIMUM if result.verdict is Coercivity.FALLS else PERHAPS_NO_MINIMUM
         limit = limit if self.has_energy else NO_ENERGY
         if self.softens:
             touched = self.resistance()
             if _holds(touched):
-                return Hold(found, touched, limit)
+                return Hold(result, touched, limit)
         rubs = self.growth(friction=True)
-        by_friction = decide(rubs) if rubs.friction.count else found
+        by_friction = decide(rubs) if rubs.friction.count else result
         if by_friction.verdict is Coercivity.HELD:
-            return Hold(found, touched, balanced=True)
+            return Hold(result, touched, balanced=True)
         if self.softens:
             at_rest = decide(self.resistance(friction=True))
             if at_rest.verdict is Coercivity.HELD:
-                return Hold(found, touched, limit, balanced=True)
+                return Hold(result, touched, limit, balanced=True)
             by_friction = replace(at_rest, growth=at_rest.growth / _SMALL)
-        if _holds(replace(rubs, friction=rubs.friction.widened(_BETWEEN))):
-            return Hold(found, touched, balanced=False)
-        return Hold(found if by_friction.direction is None else by_friction, touched)
+        if _holds(replace(rubs, friction=rubs.friction.widened(_SMALL))):
+            return Hold(result, touched, balanced=False)
+        return Hold(result if by_friction.direction is None else by_friction, touched)
 
 
 def _holds(growth: RecessionFunction) -> bool:
@@ -174,10 +173,10 @@ def _holds(growth: RecessionFunction) -> bool:
 
 def limit_of(field: Field, contact: ContactPoints, loading: Loading, motions: RigidModes) -> str | None:
     """The sentence for a body that its foundation holds at rest only; None if it is held, or not even at rest."""
-    found = list(holds(field, contact, loading, field.lift.T @ loading.load, motions))
-    if not all(hold.held for hold in found):
+    holding = list(holds(field, contact, loading, field.lift.T @ loading.load, motions))
+    if not all(hold.held for hold in holding):
         return None
-    limits = [hold.limit for hold in found if hold.limit]
+    limits = [hold.limit for hold in holding if hold.limit]
     return NO_MINIMUM if NO_MINIMUM in limits else limits[0] if limits else None
 
 

@@ -140,8 +140,8 @@ class Composition(MadeOf):
 
     def of(self, family: OperatorFamily, shared: IntArray) -> Composition:
         """The same of a body on a coarser mesh, whose nodes are some (shared) of the nodes of this one."""
-        place = None if self.place is None else self.place[shared]
-        return replace(self, family=family, place=place)
+        field = None if self.place is None else self.place[shared]
+        return replace(self, family=family, place=field)
 
 
 @dataclass(frozen=True, eq=False)

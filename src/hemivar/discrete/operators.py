@@ -11,15 +11,13 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.bulk import FEW_ZEROS, without_zeros
+from hemivar.discrete.bulk import FEW_ZEROS, PORTION, without_zeros
 from hemivar.linear.products import product
 
 __all__ = ["Multiple", "Operator", "combined", "of_arrays"]
 
 #: Rounding of entries that are sums over cells, in units of the diagonal.
 _ROUNDED = 16.0 * float(np.finfo(float).eps)
-#: Rows that are compared in one go.
-_PORTION = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +84,13 @@ class Operator(PickleMixin):
         least, root = _ROUNDED * abs(ratio), np.sqrt(diagonal)
         if (np.abs(first - ratio * diagonal) > least * diagonal).any() or not np.array_equal(own.indptr, base.indptr):
             return None
-        for start in range(0, diagonal.size, _PORTION):
-            rows = base.indptr[start : start + _PORTION + 1]
+        for start in range(0, diagonal.size, PORTION):
+            rows = base.indptr[start : start + PORTION + 1]
             part = slice(int(rows[0]), int(rows[-1]))
             columns = base.indices[part]
             if not np.array_equal(own.indices[part], columns):
                 return None
-            size = np.repeat(root[start : start + _PORTION], np.diff(rows)) * root[columns]
+            size = np.repeat(root[start : start + PORTION], np.diff(rows)) * root[columns]
             if (np.abs(own.data[part] - ratio * base.data[part]) > least * size).any():
                 return None
         moved = np.sqrt(other.held.diagonal())
@@ -114,8 +112,8 @@ class Operator(PickleMixin):
         diagonal = self.inner.diagonal()
         there = diagonal > 0.0
         scaled = LinearOperator(self.inner.shape, matvec=lambda x: x / np.where(there, diagonal, 1.0))
-        found, failed = cg(self.inner, np.where(there, right, 0.0), rtol=1e-12, M=scaled, maxiter=500)
-        return None if failed else np.where(there, found, 0.0)
+        solution, failed = cg(self.inner, np.where(there, right, 0.0), rtol=1e-12, M=scaled, maxiter=500)
+        return None if failed else np.where(there, solution, 0.0)
 
     @property
     def numbers(self) -> tuple[Array, ...]:

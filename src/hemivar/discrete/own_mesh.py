@@ -170,5 +170,5 @@ def _normals(field: Field, node: IntArray, rules: list[BoundaryRule]) -> Array:
     for rule in rules:
         nodes, _, summed = rule.summed_normals()
         total[nodes] += summed
-    found = total[node]
-    return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1), np.finfo(float).tiny)[:, None])
+    normals = total[node]
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None])

@@ -92,8 +92,8 @@ class SumEnergy(PickleMixin):
 
     def lower(self) -> sp.csr_array | None:
         """A matrix (n, n) below every second derivative; None if none is known."""
-        found = self.energy.lower()
-        return None if found is None else self._added(found)
+        lower = self.energy.lower()
+        return None if lower is None else self._added(lower)
 
     def upper(self) -> sp.csr_array:
         """A matrix (n, n) above every second derivative."""
@@ -193,8 +193,8 @@ class Potential(PickleMixin, Sized):
     @cached_property
     def lower(self) -> Quadratic | None:
         """A linear body below, by which this one is strongly monotone; None if no bound is known."""
-        found = self.energy.lower()
-        return None if found is None else Quadratic(found, assembled=True)
+        lower = self.energy.lower()
+        return None if lower is None else Quadratic(lower, assembled=True)
 
     @cached_property
     def upper(self) -> Quadratic:

@@ -176,9 +176,9 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             found_field = numbered_field(mesh, numbering, prescribed, bulk.unknowns)
         elif numbering is not None or prescribed is not None:
             raise ProblemError("numbering and prescribed go with a mesh; give mesh=, or leave them out")
-        place = None if points is None else real_array(points, "points", 2, own=True)
+        coordinates = None if points is None else real_array(points, "points", 2, own=True)
         if not components:
-            given = (place.shape[1] if place is not None else None, found_field and found_field.mesh.dim)
+            given = (coordinates.shape[1] if coordinates is not None else None, found_field and found_field.mesh.dim)
             components = next((d for d in given if d), 2)
         offset = np.zeros((m, components))
         offset[:, 0] = gaps
@@ -189,9 +189,9 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             if m > 0:
                 offset[:, 1:] = slips
         turned = None if frames is None else real_array(frames, "frames", 3, own=True)
-        where: Location = {"points": place, "frames": turned}
+        where: Location = {"points": coordinates, "frames": turned}
         if mesh is not None and found_field is not None:
-            where = located(found_field, rows, place, turned, m)
+            where = located(found_field, rows, coordinates, turned, m)
         contact = ContactPoints(rows, own, components=components, **where)
         model = Model(bulk, contact, None if found_field is None else Space((found_field,)))
         return cls(model, Loading(load, offset, law, constant))
@@ -213,8 +213,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         ProblemError
             Something is of the wrong kind or shape, or a name is unknown.
         """
-        found: DiscreteProblem = above("DiscreteProblem.of_forms")(basis, form, **options)
-        return found
+        problem: DiscreteProblem = above("DiscreteProblem.of_forms")(basis, form, **options)
+        return problem
 
     def with_(
         self,
@@ -247,10 +247,10 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         ProblemError
             As when the problem was made.
         """
-        found = self.under(load, offset=offset, law=law, constant=constant, bulk=bulk)
+        changed = self.under(load, offset=offset, law=law, constant=constant, bulk=bulk)
         if load is not None or bulk is not None:
-            found._check_work(stated=True)
-        return found
+            changed._check_work(stated=True)
+        return changed
 
     def under(
         self,
@@ -270,25 +270,25 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             known.constant if constant is None else constant,
         )
         model = self.model if bulk is None else replace(self.model, bulk=bulk)
-        found = self.fitted(model, loading)
+        changed = self.fitted(model, loading)
         if loading.law is not known.law:
             _check_law(loading.law, loading.offset)
-        return found
+        return changed
 
     def fitted(
         self, model: Model | None = None, loading: Loading | None = None, warnings: tuple[str, ...] | None = None
     ) -> DiscreteProblem:
         """With another model, loading or warnings that are known to fit: neither law nor size of the load is tried."""
-        said = self.warnings if warnings is None else warnings
+        noted = self.warnings if warnings is None else warnings
         model, loading = self.model if model is None else model, self.loading if loading is None else loading
-        return DiscreteProblem(model, loading, said, self._shown, True)
+        return DiscreteProblem(model, loading, noted, self._shown, True)
 
     def on_the_same(self, model: Model) -> DiscreteProblem:
         """The problem with a model of the same body that was made before: what was shown of the one holds of it."""
-        found, shown = self.fitted(model), self._shown
+        other, shown = self.fitted(model), self._shown
         if shown is None or not shown.covers(self._held_by):
-            return found
-        return replace(found, _shown=replace(shown, of=found._held_by), _known=True)
+            return other
+        return replace(other, _shown=replace(shown, of=other._held_by), _known=True)
 
     def __repr__(self) -> str:
         contact, names = self.contact, ", ".join(self.contact.names)
@@ -406,7 +406,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         Gaps below the rounding of the places of the contact points are none.
         """
         points = self.contact.points
-        far = max(float(np.abs(place).max(initial=0.0)) for place in (self.offset, 0.0 if points is None else points))
+        lengths = (self.offset, 0.0 if points is None else points)
+        far = max(float(np.abs(length).max(initial=0.0)) for length in lengths)
         return not self.load.any() and not pushes(self.law, self.offset, far)
 
     @property
@@ -418,7 +419,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
     @property
     def notes(self) -> tuple[str, ...]:
         """:attr:`warnings`, :attr:`limit` and :attr:`idle`: what results must say beside their numbers."""
-        return (*self.warnings, *(said for said in (self.limit, self.idle) if said is not None))
+        return (*self.warnings, *(note for note in (self.limit, self.idle) if note is not None))
 
     @property
     def balanced_by_friction(self) -> bool:
@@ -494,8 +495,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         line = self.law.frozen_at(r).linearise(r)
         bends = line.hessian[:, 0, 0] != 0.0
         far = np.abs(self.offset).max(initial=0.0), np.abs(r[bends | ~line.smooth[:, 0], 0]).max(initial=0.0)
-        size, way = polar(r[:, 1:])
-        along = np.abs(np.einsum("mi,mij,mj->m", way, line.hessian[:, 1:, 1:], way))
+        size, direction = polar(r[:, 1:])
+        along = np.abs(np.einsum("mi,mij,mj->m", direction, line.hessian[:, 1:, 1:], direction))
         bends = along > _ROUNDED * np.abs(line.hessian[:, 1:, 1:]).max(axis=(1, 2), initial=0.0)
         return float(max(*far, size[bends | ~line.smooth[:, 1]].max(initial=0.0)))
 

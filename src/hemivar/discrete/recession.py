@@ -58,8 +58,8 @@ _AT_REST = 1e-13
 _CUT_OFF = 1e3
 #: What it costs to break a condition, against the largest cut, where all faces are looked at together.
 _PENALTY = 1e3
-_CUTS = 400
-_BRANCHES = 100
+#: Cuts of a face, and faces that are looked at one by one, at most: what is not decided by then stays so.
+_CUTS, _BRANCHES = 400, 100
 
 
 class Coercivity(Enum):
@@ -139,9 +139,9 @@ class FrictionCones:
         """``v_n`` (p,), ``v_n + mu |v_t|`` (p,), and the plane (p, a) that touches the latter at z."""
         slip = self.slips @ z
         size = np.sqrt((slip**2).sum(axis=1))
-        way = slip / np.where(size > 0.0, size, 1.0)[:, None]
+        direction = slip / np.where(size > 0.0, size, 1.0)[:, None]
         lift = self.normal @ z
-        return lift, lift + size, self.normal + np.einsum("pt,pta->pa", way, self.slips)
+        return lift, lift + size, self.normal + np.einsum("pt,pta->pa", direction, self.slips)
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +257,7 @@ def decide(growth: RecessionFunction) -> CoercivityResult:
     a = growth.work.size
     if a == 0:
         return CoercivityResult(Coercivity.HELD)
-    worst = min((_rated(growth, z) for z in _plain(a)), key=lambda found: found[0])
+    worst = min((_rated(growth, z) for z in _plain(a)), key=lambda rated: rated[0])
     if worst[0] < -_BALANCE:
         return CoercivityResult(Coercivity.FALLS, worst[1], growth(worst[1])[0])
     if a == 1:
@@ -394,17 +394,17 @@ class _Programme:
     def all_positive(self, enough: float) -> bool:
         """Whether the first cuts show the growth to be positive on all faces: one programme instead of many."""
         faces = list(itertools.product(range(self.linear.size), (1.0, -1.0)))
-        found = self._solve(faces, _PENALTY)
-        return found is not None and all(self.scale * bound + self.constant > enough for bound, _ in found)
+        minima = self._solve(faces, _PENALTY)
+        return minima is not None and all(self.scale * bound + self.constant > enough for bound, _ in minima)
 
     def lowest(self, face: int, sign: float, enough: float) -> tuple[float, Array | None]:
         """A lower bound on a face, and where it is attained in the end; +inf and None if the face is forbidden."""
         bound, z = -np.inf, None
         for _ in range(_CUTS):
-            found = self._solve([(face, sign)])
-            if found is None:
+            minima = self._solve([(face, sign)])
+            if minima is None:
                 return np.inf, None
-            bound, z = max(bound, found[0][0]), found[0][1]
+            bound, z = max(bound, minima[0][0]), minima[0][1]
             if z is None:
                 break
             if self.scale * bound + self.constant > enough:
@@ -441,7 +441,7 @@ class _Programme:
             box[k, face] = sign
         price = penalty * max(float(np.abs(cuts).max()), 1.0) if np.isfinite(penalty) else 0.0
         cost = np.tile([0.0] * a + [1.0, price], count)
-        found = linprog(
+        optimum = linprog(
             cost,
             left,
             right,
@@ -449,14 +449,14 @@ class _Programme:
             method="highs",
             options={"primal_feasibility_tolerance": _FEASIBLE, "dual_feasibility_tolerance": _FEASIBLE},
         )
-        if found.status == 2:
+        if optimum.status == 2:
             return None
-        if found.status != 0:
+        if optimum.status != 0:
             return [(-np.inf, None)] * count
         answers: list[tuple[float, Array | None]] = []
-        duals = np.maximum(-found.ineqlin.marginals, 0.0).reshape(count, height)
+        duals = np.maximum(-optimum.ineqlin.marginals, 0.0).reshape(count, height)
         for k, (face, sign) in enumerate(faces):
-            z = np.clip(found.x.reshape(count, a + 2)[k, :a], -1.0, 1.0)
+            z = np.clip(optimum.x.reshape(count, a + 2)[k, :a], -1.0, 1.0)
             z[face] = sign
             bound = self._certified(duals[k, : len(cuts)], duals[k, len(cuts) :], cuts, hard, face, sign)
             answers.append((bound, z))

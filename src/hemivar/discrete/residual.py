@@ -214,13 +214,13 @@ def residuals(
     ``compliance (m, 2)`` and ``scale`` are :func:`contact_compliance` and :func:`load_scale` of the problem.
     """
     r, (balance, moved) = problem.contact.trace_of(u) - problem.offset, balanced(problem, u)
-    found = []
+    every = []
     for lam in multipliers:
         force = problem.contact_force(lam)
         off = law_forces(problem.law, problem.contact.weights, r, lam, compliance)
         left, missed, pressed = problem.vectors.norms(balance - force, off, force).tolist()
-        found.append(Residual.of(left, missed, scale, pressed, moved))
-    return found
+        every.append(Residual.of(left, missed, scale, pressed, moved))
+    return every
 
 
 def balanced(problem: DiscreteProblem, u: Array, stiffness: sp.csr_array | None = None) -> tuple[Array, float]:

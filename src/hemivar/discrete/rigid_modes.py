@@ -236,9 +236,9 @@ def _clusters(body: _Body, left: list[Array], held: BoolArray, stop: Array, shar
         members: IntArray = np.flatnonzero((label == cluster) & ~held)
         width = sum(left[p].shape[1] for p in members)
         if width > _LARGEST:
-            place = ", ".join(f"{x:.6g}" for x in body.nodes[body.nodes_of(int(members[0]))].mean(axis=0))
+            centre = ", ".join(f"{x:.6g}" for x in body.nodes[body.nodes_of(int(members[0]))].mean(axis=0))
             raise ProblemError(
-                f"{len(members)} parts of the body, one of them around x = ({place}), are connected at nodes or "
+                f"{len(members)} parts of the body, one of them around x = ({centre}), are connected at nodes or "
                 f"edges only; join their cells through common facets"
             )
         offset = np.concatenate([[0], np.cumsum([left[p].shape[1] for p in members])])

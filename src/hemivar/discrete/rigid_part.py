@@ -30,17 +30,17 @@ class RigidPart:
     @classmethod
     def of(cls, motions: sp.sparray, groups: Sequence[slice]) -> RigidPart:
         """Of some motions (n, a), those of different groups moving nothing in common."""
-        columns, found, slices, count = sp.csc_array(motions), [], [], 0
+        columns, blocks, slices, count = sp.csc_array(motions), [], [], 0
         for group in groups:
             own = columns[:, group]
             seen = np.unique(own.indices)
             left, sizes, _ = np.linalg.svd(own[seen].toarray(), full_matrices=False)
             left = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
-            place = np.repeat(seen, left.shape[1]), np.tile(np.arange(left.shape[1]), seen.size)
-            found.append(sp.csc_array((left.ravel(), place), shape=(columns.shape[0], left.shape[1])))
+            entries = np.repeat(seen, left.shape[1]), np.tile(np.arange(left.shape[1]), seen.size)
+            blocks.append(sp.csc_array((left.ravel(), entries), shape=(columns.shape[0], left.shape[1])))
             slices.append(slice(count, count + left.shape[1]))
             count += left.shape[1]
-        return cls(sp.csr_array(sp.hstack(found)), tuple(slices)) if count else cls.none(columns.shape[0])
+        return cls(sp.csr_array(sp.hstack(blocks)), tuple(slices)) if count else cls.none(columns.shape[0])
 
     @classmethod
     def none(cls, unknowns: int) -> RigidPart:

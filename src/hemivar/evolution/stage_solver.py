@@ -66,7 +66,7 @@ __all__ = ["JumpPaths", "StageSolution", "StageSolver", "predicted_contact"]
 _BEYOND = tuple(10.0**k for k in range(-8, -3))
 #: Ends of branches in one step, at most.
 _ENDS = 200
-#: A change of displacement that counts as a jump, as a part of a typical one. Tests of jumps pass from 1e-7 to 1e-2.
+#: A displacement that counts as a jump, as a part of a typical one. Tests of jumps pass from 1e-7 to 1e-2.
 _JUMPS = 1e-4
 #: Part of the tolerance of a step that cycles of multigrid leave, which then meet it (tests pass with 0.5 as well), and
 #: that a linear body in the place of another does, whose Newton's method is to converge as fast as without it.

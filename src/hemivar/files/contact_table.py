@@ -206,7 +206,7 @@ class _Reader:
         """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
         name, value = argument.key, given.data[argument.key]
         if not isinstance(value, dict):
-            return given.quantity(name, value, self.dim, argument.said.lowest, timed=True)
+            return given.quantity(name, value, self.dim, argument.stated.lowest, timed=True)
         ways = ("table", "formula", "coulomb")
         inner = given.table(name, ways, inline=True)
         if len(inner.data) != 1:
@@ -316,8 +316,8 @@ def _law_record(
         entry = laws[str(stated["law"])]
     record: dict[str, object] = {"law": entry.name}
     for argument in entry.parameters:
-        value = bound if argument.said.form is Form.OWN else stated.get(argument.key)
-        if argument.said.form is Form.FILE:
+        value = bound if argument.stated.form is Form.OWN else stated.get(argument.key)
+        if argument.stated.form is Form.FILE:
             side = where.rpartition(".")[2]
             record[argument.key] = (
                 file_name(value, aside.folder)
@@ -327,7 +327,7 @@ def _law_record(
         elif value is None or (isinstance(value, tuple | list) and not value):
             continue
         else:
-            record[argument.key] = written(value, argument.said.form, f"{where}.{argument.key}")
+            record[argument.key] = written(value, argument.stated.form, f"{where}.{argument.key}")
         if argument.default is not None and record.get(argument.key) == argument.default:
             del record[argument.key]
     return record if len(record) > 1 else entry.name

@@ -102,16 +102,16 @@ def read_arguments(
             if argument.required:
                 given = ", ".join((f'{entry.key} = "{entry.name}"', *(f"{name} = ..." for name in entry.required)))
                 example = f"{key} = {{ {given} }}" if key else given
-                raise table.error(argument.key, f"is missing ({argument.said.says}); write {example}")
-        elif argument.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
-            least = argument.said.lowest if argument.said.below is None else -np.inf
+                raise table.error(argument.key, f"is missing ({argument.stated.says}); write {example}")
+        elif argument.stated.form is Form.QUANTITY:  # a law itself says that zero is not allowed
+            least = argument.stated.lowest if argument.stated.below is None else -np.inf
             values[argument.name] = table.quantity(
-                argument.key, table.data[argument.key], dim, least, timed=argument.said.timed
+                argument.key, table.data[argument.key], dim, least, timed=argument.stated.timed
             )
         else:
-            read = own.get(argument.said.form)
+            read = own.get(argument.stated.form)
             values[argument.name] = (
-                read(table, argument) if read else read_value(table, argument.key, argument.said, dim)
+                read(table, argument) if read else read_value(table, argument.key, argument.stated, dim)
             )
     return values
 
@@ -122,7 +122,7 @@ def encode_arguments(entry: LawEntry, value: object, where: str) -> dict[str, ob
     for argument in entry.parameters:
         given = getattr(value, argument.name, None)
         if given is not None and (argument.default is None or callable(given) or not _equal(given, argument.default)):
-            record[argument.key] = written(given, argument.said.form, f"{where}.{argument.name}")
+            record[argument.key] = written(given, argument.stated.form, f"{where}.{argument.name}")
     return record
 
 

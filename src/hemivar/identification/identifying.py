@@ -166,7 +166,7 @@ def parameters_of_law(
             f"contact '{names[0]}' has the law '{stated.get('law')}' in the file; state '{law}' there with a first "
             "guess of its parameters, or name each parameter and its range with --fit"
         )
-    numbers = {one.key for one in entry.parameters if one.said.form in (Form.QUANTITY, Form.NUMBER)}
+    numbers = {one.key for one in entry.parameters if one.stated.form in (Form.QUANTITY, Form.NUMBER)}
     found = []
     for name, value in stated.items():
         if name not in numbers:

@@ -64,7 +64,7 @@ class LawEntry:
     def example(self) -> dict[str, object] | None:
         """Values that it is shown with, by their names in files; None where the user writes a formula or a table."""
         written = (Form.FILE, Form.TEXT)
-        if any(one.said.form in written and not one.said.choices for one in self.parameters):
+        if any(one.stated.form in written and not one.stated.choices for one in self.parameters):
             return None
         return {one.key: one.shown for one in self.parameters if one.shown is not None}
 

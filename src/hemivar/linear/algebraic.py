@@ -21,7 +21,8 @@ _SWEEPS = 4
 #: Nodes are coupled strongly from this part of the root of the product of their own blocks on: in the given matrix, and
 #: in coarser ones, whose rows are longer.
 _STRONG = (0.04, 0.08)
-#: Jacobi step that smooths the prolongation, relative to the largest eigenvalue.
+#: Jacobi step that smooths the prolongation, relative to the largest eigenvalue. Half and twice cost 2 to
+#: 3 % more cycles on small bodies.
 _DAMPING = 1.6
 #: Diagonal entries below this part of the largest belong to unknowns that nothing reaches.
 _GONE = 1e-14

@@ -46,7 +46,10 @@ class _Pattern:
     @staticmethod
     def of_product(left: sp.csr_array, right: sp.csr_array) -> _Pattern:
         """All places that a product may reach."""
-        ones = [sp.csr_array((np.ones(one.nnz), one.indices, one.indptr), shape=one.shape) for one in (left, right)]
+        ones = [
+            sp.csr_array((np.ones(factor.nnz), factor.indices, factor.indptr), shape=factor.shape)
+            for factor in (left, right)
+        ]
         return _Pattern.of(sp.csr_array(ones[0] @ ones[1]))
 
     def filled(self, kernels: Kernels, left: sp.csr_array, right: sp.csr_array, begin: Array | None = None) -> Array:

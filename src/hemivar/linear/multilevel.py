@@ -85,17 +85,17 @@ class Hierarchy:
             Of each level the unknowns that may be held and the point that each belongs to; see :class:`Levels`.
         """
         every: Sequence[sp.csr_array] = matrices if isinstance(matrices, list | tuple) else [matrices]  # type: ignore[list-item]
-        given = [one if sp.issparse(one) else real_matrix(one, "a matrix of a hierarchy") for one in every]
-        if not given or any(one.shape[0] != one.shape[1] for one in given):
+        given = [matrix if sp.issparse(matrix) else real_matrix(matrix, "a matrix of a hierarchy") for matrix in every]
+        if not given or any(matrix.shape[0] != matrix.shape[1] for matrix in given):
             raise ProblemError("a hierarchy needs square matrices; give one, or a list from the finest on")
         lists = {"prolongations": prolongations, "slots": slots, "contacts": contacts, "points": points}
-        for name, one in lists.items():
-            expect(one, list | tuple, name, "give a list, one entry for each level")
-            if len(one) > max(len(given), len(prolongations) + 1):
-                raise ProblemError(f"{name} of a hierarchy has {len(one)} entries; give one for each level")
+        for name, entries in lists.items():
+            expect(entries, list | tuple, name, "give a list, one entry for each level")
+            if len(entries) > max(len(given), len(prolongations) + 1):
+                raise ProblemError(f"{name} of a hierarchy has {len(entries)} entries; give one for each level")
         if len(given) > len(prolongations) + 1 or len(contacts) != len(points):
             raise ProblemError("a hierarchy needs a prolongation between two matrices, and points for all contacts")
-        prolongations = [one if sp.issparse(one) else real_matrix(one, "a prolongation") for one in prolongations]
+        prolongations = [P if sp.issparse(P) else real_matrix(P, "a prolongation") for P in prolongations]
         for P in prolongations[len(given) - 1 :]:
             given.append(sp.csr_array(P.T @ given[-1] @ P))
         nodes = [*slots, *[None] * (len(given) - len(slots))]
@@ -110,7 +110,7 @@ class Hierarchy:
             none + list(reversed(points)),
             len(below),
             slots=[_regular(matrix.shape[0], near) for matrix, _ in below]
-            + [NodeSlots.single(A.shape[0]) if one is None else one for A, one in zip(given, nodes, strict=True)][::-1],
+            + [NodeSlots.single(A.shape[0]) if own is None else own for A, own in zip(given, nodes, strict=True)][::-1],
         )
         return Hierarchy(stack)
 
@@ -118,7 +118,7 @@ class Hierarchy:
     def levels(self) -> list[GridLevel]:
         """The levels, finest first."""
         transfers = self.stack.transfers
-        parts = [(one.prolongation, one.restriction) for one in reversed(transfers)] + [(None, None)]
+        parts = [(transfer.prolongation, transfer.restriction) for transfer in reversed(transfers)] + [(None, None)]
         count = len(parts)
         return [GridLevel(self.stack.matrix(count - 1 - k), P, R) for k, (P, R) in enumerate(parts)]
 

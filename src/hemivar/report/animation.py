@@ -134,7 +134,7 @@ def animate(
             picture.ax.set_title(title or film.title)
         picture.fig.set_dpi(dpi)
 
-        def told() -> Iterator[FilmFrame]:
+        def played() -> Iterator[FilmFrame]:
             for number, at in enumerate(shown):
                 yield film.frame(at)
                 if progress is not None:
@@ -144,9 +144,9 @@ def animate(
             samples = np.unique(np.linspace(0, len(shown) - 1, _SAMPLES).astype(int)).tolist()
             sheet = np.vstack([picture.image(film.frame(shown[k])) for k in samples])
             colours = _FEW_COLOURS if coloured is FilmColour.NONE else 255
-            write_gif(name, map(picture.image, told()), sheet, colours, seconds / len(shown))
+            write_gif(name, map(picture.image, played()), sheet, colours, seconds / len(shown))
         else:
-            _write_mp4(name, picture, told(), min(50.0, round(len(shown) / seconds, 3)), dpi)
+            _write_mp4(name, picture, played(), min(50.0, round(len(shown) / seconds, 3)), dpi)
         with whole_file(path) as kept:
             shutil.copyfile(name, kept)
     return path
@@ -166,9 +166,9 @@ def write_gif(path: Path, frames: Iterable[Array], sheet: Array, colours: int, s
         return Image.fromarray(np.ascontiguousarray(pixels, dtype=np.uint8), "RGB")
 
     exact, few = [round(255.0 * part) for name in _EXACT for part in to_rgb(name)], colours - len(_EXACT)
-    found = image(sheet).quantize(few, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    sampled = image(sheet).quantize(few, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     palette = Image.new("P", (1, 1))
-    palette.putpalette(exact + list(found.getpalette() or [])[: 3 * few])
+    palette.putpalette(exact + list(sampled.getpalette() or [])[: 3 * few])
     first, *others = [image(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     duration = 10 * max(2, round(100.0 * seconds))
     first.save(path, "GIF", save_all=True, append_images=others, duration=duration, loop=0, disposal=1)

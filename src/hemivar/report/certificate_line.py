@@ -32,13 +32,13 @@ _SHORT = 1.6
 def certificate_line(solution: Solution, certificate: Certificate | None, exact: DistanceToExact | None = None) -> str:
     """What a picture says of the worth of its solution: what was certified, or the residual and the distance alone."""
     if certificate is not None:
-        told = certificate.brief()
+        line = certificate.brief()
     else:
         known = "" if exact is None else exact.brief()
-        told = f"residual {solution.residual.relative:.1e}" + (f"; {known}" if known else ", not certified")
+        line = f"residual {solution.residual.relative:.1e}" + (f"; {known}" if known else ", not certified")
     if solution.deformation is not None and solution.deformation.large:
-        told = f"beyond small strains ({solution.deformation.sizes}); {told}"
-    return told if solution.status is Status.CONVERGED else f"{solution.status.value}: {told}"
+        line = f"beyond small strains ({solution.deformation.sizes}); {line}"
+    return line if solution.status is Status.CONVERGED else f"{solution.status.value}: {line}"
 
 
 def title_of(solution: Solution, title: str | None) -> str | None:
@@ -126,10 +126,10 @@ def _margin(ax: Axes, certificate: Certificate) -> None:
     ax.set_xlim(0.0, end)
     ax.set_ylim(-0.6, 0.6)
     margin = "not computed, because the time limit was reached" if left_out else f"{certificate.margin:.3g}"
-    said = ("c = 0, " if used == 0.0 else "") + f"margin {margin}{' (sampled)' if sampled and not left_out else ''}"
+    label = ("c = 0, " if used == 0.0 else "") + f"margin {margin}{' (sampled)' if sampled and not left_out else ''}"
     right = shown < 0.62 * end or left_out
     ax.annotate(
-        said, (max(shown, 1.0) if right else 1.0, 0.0), xytext=(5 if right else -5, 0), textcoords="offset points",
+        label, (max(shown, 1.0) if right else 1.0, 0.0), xytext=(5 if right else -5, 0), textcoords="offset points",
         va="center", ha="left" if right else "right", fontsize=8.0,
         bbox={"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
     )  # fmt: skip
@@ -159,8 +159,8 @@ def _sizes(ax: Axes, certificate: Certificate) -> None:
         shown = min(max(value, _LEAST), _MOST)
         ax.barh([row], [shown - _LEAST], 0.55, left=_LEAST, color=colour if sure else "none", edgecolor=colour, lw=1.0)
         kind = "" if colour == GREY else "at most " if sure else "about "
-        said = f"{kind}{value:.1e}" if value else "0"
-        ax.annotate(said, (shown, row), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.0)
+        label = f"{kind}{value:.1e}" if value else "0"
+        ax.annotate(label, (shown, row), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.0)
     ax.plot([certificate.tolerance] * 2, [-0.5, 1.5], color=RED, lw=1.0, ls="--")
     ax.annotate(
         "tolerance", (certificate.tolerance, -0.45), xytext=(3, 0), textcoords="offset points", color=RED, va="top",

@@ -242,9 +242,9 @@ def _maps(
         (panels[0, 1], np.linalg.norm(solution.friction, axis=1), shear),
         (panels[1, 0], *_depth(solution, unit)),
     ]
-    place = np.searchsorted(boundary.used_nodes, corners)
+    corner_rows = np.searchsorted(boundary.used_nodes, corners)
     for panel, values, name in quantities:
-        at_corners = boundary.at_nodes(values, np.nan)[place]
+        at_corners = boundary.at_nodes(values, np.nan)[corner_rows]
         known = np.isfinite(at_corners)
         seen = known.any(axis=1)
         mean = np.where(known, at_corners, 0.0)[seen].sum(axis=1) / known[seen].sum(axis=1)

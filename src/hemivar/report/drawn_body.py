@@ -195,7 +195,7 @@ class DrawnSurface:
     def __init__(
         self,
         fig: Figure,
-        place: tuple[float, float, float, float],
+        frame: tuple[float, float, float, float],
         facets: IntArray,  # (k, 3)
         extent: tuple[Array, Array],  # lowest and highest coordinates, (3,)
         unit: str,
@@ -207,7 +207,7 @@ class DrawnSurface:
             from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
         self.facets = facets
-        self.ax = cast("Axes3D", fig.add_axes(place, projection="3d", computed_zorder=False))
+        self.ax = cast("Axes3D", fig.add_axes(frame, projection="3d", computed_zorder=False))
         fine = len(facets) > MANY_FACETS
         self.surface = Poly3DCollection(
             [np.zeros((3, 3))], linewidths=0.15, edgecolors="#00000060", zorder=2, cmap="cividis"

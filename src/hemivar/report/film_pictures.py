@@ -143,14 +143,14 @@ class FilmPicture:
             line.set_solid_capstyle("butt")
             self.fig.add_artist(line)
 
-    def _tell(self, frame: FilmFrame) -> None:
+    def _show_time(self, frame: FilmFrame) -> None:
         """Write the time, and fill the line."""
         self.label.set_text(self.time(frame))
         begin, end = float(self.film.times[0]), float(self.film.times[-1])
         part = (frame.time - begin) / (end - begin) if end > begin else 1.0
         self._now.set_xdata([self._from, self._from + part * self._width])
 
-    def _bar(self, mappable: ScalarMappable, place: tuple[float, float, float, float]) -> None:
+    def _bar(self, mappable: ScalarMappable, frame: tuple[float, float, float, float]) -> None:
         """The scale of the colours, that of all frames."""
         mappable.set_clim(0.0, self.brightest or 1.0)
         length, time = self.units
@@ -158,7 +158,7 @@ class FilmPicture:
         if self.colour is FilmColour.SPEED:
             unit = f"{length}/{time}" if length and time else ""
         bar = self.fig.colorbar(
-            mappable, cax=self.fig.add_axes(place), extend="max" if self.clipped else "neither", extendfrac=0.04
+            mappable, cax=self.fig.add_axes(frame), extend="max" if self.clipped else "neither", extendfrac=0.04
         )
         bar.set_label(with_unit(self.colour.value, unit))
 
@@ -173,7 +173,7 @@ class FilmPicture:
                 mark.set_data_3d(*at)  # type: ignore[attr-defined]
             else:
                 mark.set_data(*at)
-        self._tell(frame)
+        self._show_time(frame)
 
     def image(self, frame: FilmFrame) -> Array:
         """A frame as red, green and blue, (rows, columns, 3); what rests in all of them is drawn once."""
@@ -265,8 +265,8 @@ class PlanePicture(FilmPicture):
         if len(places):
             handles = [state_mark(kind, kind.label) for kind in self.kinds]
             if self.strongest > 0.0:
-                told = f"force per area, at most {self.strongest:.3g}"
-                handles.append(Line2D([], [], color=RED, lw=1.2, label=told))
+                longest = f"force per area, at most {self.strongest:.3g}"
+                handles.append(Line2D([], [], color=RED, lw=1.2, label=longest))
             self.fig.legend(
                 handles=handles, loc="lower right", bbox_to_anchor=(0.98, 0.0), ncols=in_rows(len(handles)),
                 handlelength=1.2, columnspacing=1.0,
@@ -299,8 +299,8 @@ class PlanePicture(FilmPicture):
         self.normal[numbers] = np.concatenate([normal, rule.normals])[known.query(places)[1]]
         depth, tangent = points[used] @ normal[0], np.array([-normal[0, 1], normal[0, 0]])
         straight = np.abs(normal - normal[0]).max() < 1e-9 and np.ptp(depth) < 1e-9 * self.size
-        ways = (self.travel.low[numbers], self.travel.high[numbers])
-        ends = np.array([(places + self.factor * way) @ tangent for way in ways])
+        shifts = (self.travel.low[numbers], self.travel.high[numbers])
+        ends = np.array([(places + self.factor * shift) @ tangent for shift in shifts])
         beyond, lines = _BEYOND * self.size, []
         for line in polylines(facets):
             at = np.searchsorted(used, line)
@@ -322,15 +322,15 @@ class PlanePicture(FilmPicture):
             return low, high
         for gap in (self.gaps.low, self.gaps.high):
             surface = self.places + self.factor * gap[:, None] * self.normal
-            for place in (surface, surface + (_BEYOND * self.size + self.length) * self.normal):
-                low, high = np.minimum(low, place.min(axis=0)), np.maximum(high, place.max(axis=0))
+            for side in (surface, surface + (_BEYOND * self.size + self.length) * self.normal):
+                low, high = np.minimum(low, side.min(axis=0)), np.maximum(high, side.max(axis=0))
         if self.strongest > 0.0:
             longest = self.length / self.strongest
             for force in (self.push.low, self.push.high, -self.push.low, -self.push.high):
                 across = np.einsum("pd,pd->p", force, self.normal)
                 reach = longest * (force + (np.abs(across) - across)[:, None] * self.normal)  # into the foundation
-                for place in (self.travel.low, self.travel.high):
-                    ends = self.places + self.factor * place + reach
+                for shift in (self.travel.low, self.travel.high):
+                    ends = self.places + self.factor * shift + reach
                     low = np.minimum(low, ends.min(axis=0) - 0.5 * pad)
                     high = np.maximum(high, ends.max(axis=0) + 0.5 * pad)
         return low, high

@@ -83,21 +83,21 @@ def plot_law(
         If ``reach`` is not a positive number.
     """
     one = law.take(np.array([point]))
-    told = one.describe()
-    reach = _reach(told, reach)
+    description = one.describe()
+    reach = _reach(description, reach)
     with drawing():
         fig = new_figure((6.3, 3.1), layout="constrained")
         graph, potential = fig.subplots(1, 2)
-        draw_graph(graph, one, told, reach)
-        for r in _pieces(told, reach):
+        draw_graph(graph, one, description, reach)
+        for r in _pieces(description, reach):
             potential.plot(r, one.value(r), color=BLUE, lw=1.5)
-        _finish(potential, reach, told.domain)
+        _finish(potential, reach, description.domain)
         graph.set_ylabel(with_unit(r"subdifferential $\partial j(r)$", stress_unit))
         potential.set_ylabel(with_unit(r"potential $j(r)$", f"{stress_unit} {unit}" if unit and stress_unit else ""))
         for panel in (graph, potential):
             panel.set_xlabel(with_unit("penetration or slip r", unit))
-        alpha = "convex" if told.alpha == 0.0 else rf"$\alpha$ = {told.alpha:.4g}"
-        fig.suptitle(title if title is not None else f"{told.name} law, {alpha}", fontsize=10.0)
+        alpha = "convex" if description.alpha == 0.0 else rf"$\alpha$ = {description.alpha:.4g}"
+        fig.suptitle(title if title is not None else f"{description.name} law, {alpha}", fontsize=10.0)
     return fig
 
 
@@ -134,8 +134,8 @@ def plot_laws(
         panels = fig.subplots(rows, columns, squeeze=False).ravel()
         for panel, (name, law) in zip(panels, laws.items(), strict=False):
             one = law.take(np.array([0]))
-            told = one.describe()
-            draw_graph(panel, one, told, _reach(told, None))
+            description = one.describe()
+            draw_graph(panel, one, description, _reach(description, None))
             panel.set_title(name, fontsize=9.0)
             panel.set_xlabel("")
             panel.tick_params(labelsize=6.5)
@@ -146,10 +146,10 @@ def plot_laws(
     return fig
 
 
-def _reach(told: LawDescription, reach: float | None) -> float:
+def _reach(description: LawDescription, reach: float | None) -> float:
     """Half width of a picture."""
     if reach is None:
-        largest = max((abs(knot) for knot in told.knots), default=0.0)
+        largest = max((abs(knot) for knot in description.knots), default=0.0)
         reach = 1.6 * largest if largest > 0.0 else 1.0
     _check_length(reach)
     return reach
@@ -160,24 +160,24 @@ def _check_length(reach: float) -> None:
         raise ProblemError(f"reach = {reach}; it must be a positive length")
 
 
-def _pieces(told: LawDescription, reach: float) -> Iterator[Array]:
+def _pieces(description: LawDescription, reach: float) -> Iterator[Array]:
     """Places on each piece of a law."""
-    low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
-    for start, end in itertools.pairwise([low, *[knot for knot in told.knots if low < knot < high], high]):
+    low, high = max(-reach, description.domain[0]), min(reach, description.domain[1])
+    for start, end in itertools.pairwise([low, *[knot for knot in description.knots if low < knot < high], high]):
         yield _inside(start, end)
 
 
-def draw_graph(panel: Axes, law: Superpotential, told: LawDescription, reach: float) -> None:
+def draw_graph(panel: Axes, law: Superpotential, description: LawDescription, reach: float) -> None:
     """The subdifferential of a law, of one point, up to a half width."""
-    low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
+    low, high = max(-reach, description.domain[0]), min(reach, description.domain[1])
     highest = 0.0
-    for r in _pieces(told, reach):
+    for r in _pieces(description, reach):
         slope = law.derivative(r)
         highest = max(highest, float(np.abs(slope).max()))
         panel.plot(r, slope, color=BLUE, lw=1.5)
-    highest = highest or max((abs(s) for k in told.kinks for s in (k.left, k.right) if math.isfinite(s)), default=0.0)
-    highest = highest or 1.0  # a rigid foundation has no size of its own
-    for kink in told.kinks:
+    ends = (abs(s) for kink in description.kinks for s in (kink.left, kink.right) if math.isfinite(s))
+    highest = highest or max(ends, default=0.0) or 1.0  # a rigid foundation has no size of its own
+    for kink in description.kinks:
         if not low <= kink.place <= high:
             continue
         bottom, top = sorted((kink.left, kink.right))
@@ -187,7 +187,7 @@ def draw_graph(panel: Axes, law: Superpotential, told: LawDescription, reach: fl
             [kink.place, kink.place], [bottom, top],
             color=RED if falls else BLUE, ls=(0, (3, 1.5)) if falls else "-", lw=1.5,
         )  # fmt: skip
-    _finish(panel, reach, told.domain)
+    _finish(panel, reach, description.domain)
 
 
 def _inside(start: float, end: float) -> Array:
@@ -296,8 +296,8 @@ def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = Non
             envelope.plot(size * np.cos(angle), size * np.sin(angle) / beta, color=colour, label=name)
         envelope.set(xlabel="opening $w$", ylabel="slip $s$", xlim=(0.0, None), ylim=(0.0, None))
         _finish_tractions(opening, slipping, envelope)
-        told = f"$G_c$ = {one.fracture_energy.item():.4g}, shear over normal strength {beta:g}"
-        fig.suptitle(f"{title}\n{told}" if title else told, fontsize=9)
+        label = f"$G_c$ = {one.fracture_energy.item():.4g}, shear over normal strength {beta:g}"
+        fig.suptitle(f"{title}\n{label}" if title else label, fontsize=9)
     return fig
 
 

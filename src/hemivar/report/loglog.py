@@ -141,19 +141,19 @@ def _triangle(
     colour: str,
     *,
     above: bool,
-    said: str = "",
+    text_of_slope: str = "",
 ) -> None:
     """A triangle of a slope between two sizes, from a height on by a factor."""
     (left, right), (low, rise) = ends, heights
     flat, upright = (low * rise, left) if above else (low, right)
     ax.plot([left, right, upright, left], [low, low * rise, flat, low], color=colour, lw=0.8)
-    for text, place, shift in (
+    for text, at, shift in (
         ("1", (math.sqrt(left * right), flat), (0, 2 if above else -2)),
-        (said or f"{slope:.2f}", (upright, low * math.sqrt(rise)), (-3 if above else 3, 0)),
+        (text_of_slope or f"{slope:.2f}", (upright, low * math.sqrt(rise)), (-3 if above else 3, 0)),
     ):
         across = shift[0] != 0
         ax.annotate(
-            text, place, xytext=shift, textcoords="offset points", fontsize=8.0, color=colour,
+            text, at, xytext=shift, textcoords="offset points", fontsize=8.0, color=colour,
             va="center" if across else "bottom" if above else "top",
             ha="center" if not across else "right" if above else "left",
         )  # fmt: skip
@@ -235,9 +235,9 @@ def _decimal(value: float) -> str:
 # ---- adaptive solves -------------------------------------------------------------------------------------------
 
 
-@expecting(found=AdaptiveSolution, beside=Mapping, title=str, certificate=Certificate)
+@expecting(adaptive=AdaptiveSolution, beside=Mapping, title=str, certificate=Certificate)
 def plot_adaptive(
-    found: AdaptiveSolution,
+    adaptive: AdaptiveSolution,
     *,
     beside: Mapping[str, AdaptiveSolution] | None = None,
     title: str | None = None,
@@ -253,7 +253,7 @@ def plot_adaptive(
 
     Parameters
     ----------
-    found : AdaptiveSolution
+    adaptive : AdaptiveSolution
     beside : mapping of name to AdaptiveSolution, optional
         Other solves of the same problem.
     title : str, optional
@@ -266,8 +266,8 @@ def plot_adaptive(
         No mesh has a distance.
     """
     if beside:
-        return _compared(found, beside, title, certificate)
-    levels = [level for level in found.levels if math.isfinite(level.distance.relative) or level.goal is not None]
+        return _compared(adaptive, beside, title, certificate)
+    levels = [level for level in adaptive.levels if math.isfinite(level.distance.relative) or level.goal is not None]
     if not levels:
         raise ProblemError("no mesh of this adaptive solve has a distance to draw; see the reasons of its distance")
     unknowns = np.array([level.unknowns for level in levels], dtype=float)
@@ -286,16 +286,16 @@ def plot_adaptive(
             _curve(
                 ax, unknowns, about, np.zeros(len(levels), dtype=bool), GREEN, "D", f"{name}:\nestimate, dual weights"
             )
-        ax.axhline(found.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(found.rtol)}")
+        ax.axhline(adaptive.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(adaptive.rtol)}")
         _log_axes(ax, "unknowns", "relative error")
         if not any(np.isfinite(line.get_ydata()).any() for line in ax.lines[:-1]):  # errors of zero, as without loads
             ax.set_xlim(unknowns[0] / _DECADE, unknowns[-1] * _DECADE)
-            ax.set_ylim(found.rtol / _DECADE, found.rtol * _DECADE)
+            ax.set_ylim(adaptive.rtol / _DECADE, adaptive.rtol * _DECADE)
         _slope(ax, unknowns, levels, 1.0 if goal is not None else 0.5)
         _scales(ax, unknowns)
         legend_beside(ax, labelspacing=0.8)
-        write_below(ax, certificate_line(found.solution, certificate, statement_of(found.distance)))
-        if heading := title_of(found.solution, title):
+        write_below(ax, certificate_line(adaptive.solution, certificate, statement_of(adaptive.distance)))
+        if heading := title_of(adaptive.solution, title):
             ax.set_title(heading)
     return fig
 
@@ -314,13 +314,13 @@ def _scales(ax: Axes, across: Array) -> None:
 
 
 def _compared(
-    found: AdaptiveSolution,
+    adaptive: AdaptiveSolution,
     beside: Mapping[str, AdaptiveSolution],
     title: str | None,
     certificate: Certificate | None,
 ) -> Figure:
     """Bounds of several solves over their unknowns and over their time."""
-    solves = {"adaptive": found, **beside}
+    solves = {"adaptive": adaptive, **beside}
     with drawing():
         fig = new_figure((6.3, 3.1), layout="constrained")
         left, right = fig.subplots(1, 2, sharey=True)
@@ -336,16 +336,18 @@ def _compared(
             for ax, across in ((left, unknowns), (right, seconds)):
                 _curve(ax, across, bound, proved, SERIES[number % len(SERIES)], "osD^vX"[number % 6], name)
             seen += [unknowns, seconds]
-        for ax, places, label in ((left, seen[::2], "unknowns"), (right, seen[1::2], "time (s)")):
-            ax.axhline(found.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(found.rtol)}")
+        for ax, sizes, label in ((left, seen[::2], "unknowns"), (right, seen[1::2], "time (s)")):
+            ax.axhline(
+                adaptive.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(adaptive.rtol)}"
+            )
             _log_axes(ax, label, "")
-            _scales(ax, np.concatenate(places))
+            _scales(ax, np.concatenate(sizes))
         sure = all(level.guaranteed for one in solves.values() for level in one.levels)
         left.set_ylabel("relative error, guaranteed bound" if sure else "relative error, bound or estimate")
         left.legend(loc="best")
-        if heading := title_of(found.solution, title):
+        if heading := title_of(adaptive.solution, title):
             fig.suptitle(heading, fontsize=10.0)
-        write_foot(fig, certificate_line(found.solution, certificate, statement_of(found.distance)))
+        write_foot(fig, certificate_line(adaptive.solution, certificate, statement_of(adaptive.distance)))
     return fig
 
 
@@ -468,8 +470,8 @@ def plot_errors(
             panel.grid(True, which="major", color="#e2e2e2", lw=0.6)
             panel.set_axisbelow(True)
             if reference_size is not None and not trusted.all():
-                said = "too small: next to\nthe reference" if panel is ax else "_nolegend_"
-                panel.axvspan(0.1 * reference_size, 2.8 * reference_size, color="#f3ead7", lw=0, zorder=0, label=said)
+                shade = "too small: next to\nthe reference" if panel is ax else "_nolegend_"
+                panel.axvspan(0.1 * reference_size, 2.8 * reference_size, color="#f3ead7", lw=0, zorder=0, label=shade)
         ax.set_xlim(sizes.min() / 1.5, sizes.max() * 1.3)
         _triangle_of_one(ax, sizes, least)
         legend_beside(ax, title="method against reference: order", title_fontsize=8, alignment="left")
@@ -483,7 +485,7 @@ def _triangle_of_one(ax: Axes, sizes: Array, lowest: Array) -> None:
     order = np.argsort(sizes)[1:3]
     if len(sizes) > 2 and np.isfinite(base := 0.55 * lowest[order[0]]):
         left, right = sizes[order]
-        _triangle(ax, (left, right), (base, right / left), 1.0, "black", above=False, said="1")
+        _triangle(ax, (left, right), (base, right / left), 1.0, "black", above=False, text_of_slope="1")
 
 
 def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None = None) -> Figure:

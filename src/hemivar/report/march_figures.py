@@ -193,8 +193,8 @@ def _forces(table: Mapping[str, Array], columns: Sequence[str], units: Units) ->
     parts = _boundaries(table, "normal_force")
     for quantity, label, colour in forces:
         for number, (boundary, name) in enumerate(_boundaries(table, quantity)):
-            told = f"{label}, {boundary}" if boundary else label
-            upper.plot(time, table[name], color=colour, ls=LINES[number % len(LINES)], label=told)
+            entry = f"{label}, {boundary}" if boundary else label
+            upper.plot(time, table[name], color=colour, ls=LINES[number % len(LINES)], label=entry)
     for number, (boundary, name) in enumerate(_boundaries(table, "contact_measure")):
         lower.plot(time, table[name], color=BLUE, ls=LINES[number % len(LINES)], label=boundary or "contact")
     for panel in (upper, lower):
@@ -247,8 +247,8 @@ def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> F
     ax.margins(0.05)
     fig.legend(loc="outside lower right", ncols=2)
     fig.colorbar(lines, ax=ax, shrink=0.85, pad=0.02).set_label(with_unit("time", units.time))
-    ax.set_xlabel(_told(across, units))
-    ax.set_ylabel(_told(up, units))
+    ax.set_xlabel(_column_label(across, units))
+    ax.set_ylabel(_column_label(up, units))
     return fig
 
 
@@ -304,7 +304,7 @@ def _columns(table: Mapping[str, Array], columns: Sequence[str], units: Units) -
     for number, (panel, name) in enumerate(zip(panels, columns, strict=True)):
         panel.plot(table["time"], table[name], color=SERIES[number % len(SERIES)])
         panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0) if _near_zero(table[name]) else None
-        panel.set_ylabel(_told(name, units))
+        panel.set_ylabel(_column_label(name, units))
     panels[-1].set_xlabel(with_unit("time", units.time))
     fig.align_ylabels()
     return fig
@@ -320,10 +320,10 @@ def _near_zero(values: Array) -> bool:
     return bool(known.size) and bool(known.min() <= 0.0 <= known.max())
 
 
-def _told(name: str, units: Units) -> str:
+def _column_label(name: str, units: Units) -> str:
     """A column as a label says it, with its unit."""
-    place, _, quantity = name.rpartition(".")
-    at = f", {place}" if place else ""
+    part, _, quantity = name.rpartition(".")
+    at = f", {part}" if part else ""
     what = f"displacement {quantity[2:]}" if quantity.startswith("u_") else quantity.replace("_", " ")
     return with_unit(what + at, getattr(units, quantity_of(name) or "none", ""))
 
@@ -345,27 +345,27 @@ def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, 
     from matplotlib.patches import Patch
 
     problem = history.discrete.problem
-    boundaries = {found.name: found for found in contact_boundaries(problem)} if problem.contact_points else {}
+    boundaries = {side.name: side for side in contact_boundaries(problem)} if problem.contact_points else {}
     if not boundaries:
         raise ProblemError("the evolution has no contact point; draw kind 'ledger'")
     name = next(iter(boundaries)) if boundary is None else boundary
     if name not in boundaries:
         raise ProblemError(f"there is no contact boundary '{name}' (known: {', '.join(boundaries)})")
-    found = boundaries[name]
-    if found.mesh.dim != 2:
+    side = boundaries[name]
+    if side.mesh.dim != 2:
         raise ProblemError("states are drawn along the boundaries of plane bodies; animate a body in 3D")
     if len(history.frames) < 2:
         raise ProblemError("a map needs at least two frames; march(..., save=Save(every=...)) saves them")
     assert problem.contact.points is not None
-    place, label = found.position(problem.contact.points)
-    order = np.argsort(place, kind="stable")
-    index, place = found.index[order], place[order]
+    along, label = side.position(problem.contact.points)
+    order = np.argsort(along, kind="stable")
+    index, along = side.index[order], along[order]
     times = np.array([frame.time for frame in history.frames])
     state = np.array([moving_states(history.discrete, frame).numbers[index] for frame in history.frames])
     pressure = np.array([frame.multiplier[index, 0] for frame in history.frames])
     fig = new_figure((6.3, 3.8), layout="constrained")
     left, right = fig.subplots(1, 2, sharex=True, sharey=True)
-    across, up = _edges(place), _edges(times)
+    across, up = _edges(along), _edges(times)
     norm = BoundaryNorm(np.arange(len(KINDS) + 1) - 0.5, len(KINDS))
     left.pcolormesh(across, up, state, cmap=ListedColormap(_COLOURS), norm=norm, rasterized=True)
     most = float(pressure.max())

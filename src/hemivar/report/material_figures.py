@@ -34,12 +34,12 @@ def plot_material(
     between rollers). The stress lies between the lines of C_low and C_up, since at zero strain it is zero. ``reach`` is
     the largest strain, by default one that shows how the stiffness changes; constants that vary are those at ``point``.
     """
-    told = material.describe(point)
-    if told.lower is None or told.upper is None:
+    description = material.describe(point)
+    if description.lower is None or description.upper is None:
         raise ProblemError("materials by regions or with constants that vary: draw one material, at a point")
-    dim = 2 if len(told.lower) == 3 else 3
+    dim = 2 if len(description.lower) == 3 else 3
     at = np.zeros((1, dim)) if point is None else np.asarray([point], dtype=float)
-    shear = len(told.lower) - 1
+    shear = len(description.lower) - 1
 
     def stress(component: int, strain: Array) -> Array:
         whole = np.zeros((len(strain), shear + 1))
@@ -47,11 +47,11 @@ def plot_material(
         return np.asarray(material.stress(np.broadcast_to(at, (len(strain), dim)), whole)[:, component])
 
     if reach is None:
-        reach = _reach_of(stress(shear, _SIZES) / _SIZES, stress(0, _SIZES) / _SIZES, told.reach)
+        reach = _reach_of(stress(shear, _SIZES) / _SIZES, stress(0, _SIZES) / _SIZES, description.reach)
     if not 0.0 < reach < math.inf:
         raise ProblemError(f"reach = {reach}; it must be a positive strain")
     strain = np.linspace(-reach, reach, 801)
-    lines = [line.strip() for line in told.lines]
+    lines = [line.strip() for line in description.lines]
     with drawing():
         fig = new_figure((6.6, 3.4 + 0.17 * len(lines)), layout="constrained")
         panels = fig.subplots(1, 2)
@@ -59,10 +59,10 @@ def plot_material(
             (panels[0], shear, (r"shear strain $\gamma$", r"shear stress $\tau$")),
             (panels[1], 0, (r"strain $\varepsilon$, the others zero", r"stress $\sigma$ along it")),
         ):
-            low, up = told.lower[component, component], told.upper[component, component]
+            low, up = description.lower[component, component], description.upper[component, component]
             _draw(panel, strain, stress(component, strain), (low, up), names)
         panels[0].legend(loc="upper left")
-        fig.suptitle(title if title is not None else told.name)
+        fig.suptitle(title if title is not None else description.name)
         text = "\n".join(line.replace("$", r"\$") for line in lines)
         fig.supxlabel(text, fontsize=7.5, x=0.02, ha="left")
     return fig
@@ -85,10 +85,10 @@ def _draw(panel: Axes, strain: Array, stress: Array, bounds: tuple[float, float]
 
 def _reach_of(shear: Array, along: Array, limit: float) -> float:
     """Four times the strain at which the secants are half way from one end of the range to the other."""
-    places = []
+    sizes = []
     for secant in (shear, along):
         kept = secant[limit >= _SIZES]
         change = np.abs(kept - kept[0])
         if change.max(initial=0.0) > 1e-3 * abs(kept[0]):
-            places.append(float(_SIZES[int(np.argmax(change >= 0.5 * change.max()))]))
-    return min(4.0 * min(places), limit) if places else min(0.01, limit)
+            sizes.append(float(_SIZES[int(np.argmax(change >= 0.5 * change.max()))]))
+    return min(4.0 * min(sizes), limit) if sizes else min(0.01, limit)

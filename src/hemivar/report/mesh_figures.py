@@ -34,9 +34,9 @@ __all__ = ["plot_meshes"]
 _MOST, _BESIDE = 6, 3
 
 
-@expecting(found=AdaptiveSolution, title=str, unit=str, certificate=Certificate)
+@expecting(adaptive=AdaptiveSolution, title=str, unit=str, certificate=Certificate)
 def plot_meshes(
-    found: AdaptiveSolution, *, title: str | None = None, unit: str = "", certificate: Certificate | None = None
+    adaptive: AdaptiveSolution, *, title: str | None = None, unit: str = "", certificate: Certificate | None = None
 ) -> Figure:
     """The meshes from coarse to fine, each with its unknowns and the bound or the estimate of its error.
 
@@ -45,7 +45,7 @@ def plot_meshes(
 
     Parameters
     ----------
-    found : AdaptiveSolution
+    adaptive : AdaptiveSolution
     title : str, optional
         The name of the goal by default, if there is one.
     unit : str
@@ -54,13 +54,13 @@ def plot_meshes(
         What is known about the last solution, for the line below; without it the line has residual and distance.
     """
 
-    points = found.levels[-1].problem.field.mesh.points  # type: ignore[union-attr]
+    points = adaptive.levels[-1].problem.field.mesh.points  # type: ignore[union-attr]
     solid = points.shape[1] == 3
-    enlarged = not solid and len(found.levels) > 2
-    count = min(len(found.levels), _MOST - enlarged)
-    chosen = np.unique(np.round(np.linspace(0, len(found.levels) - 1, count)).astype(int))
-    levels = [found.levels[number] for number in chosen]
-    title = title_of(found.solution, title or (None if found.goal is None else found.goal.goal.name))
+    enlarged = not solid and len(adaptive.levels) > 2
+    count = min(len(adaptive.levels), _MOST - enlarged)
+    chosen = np.unique(np.round(np.linspace(0, len(adaptive.levels) - 1, count)).astype(int))
+    levels = [adaptive.levels[number] for number in chosen]
+    title = title_of(adaptive.solution, title or (None if adaptive.goal is None else adaptive.goal.goal.name))
     from matplotlib.cm import ScalarMappable
 
     columns = min(len(levels) + enlarged, _BESIDE)
@@ -72,13 +72,13 @@ def plot_meshes(
         height = rows * (0.85 * width * shape + 0.72) + FOOT + (0.3 if title else 0.0) + (0.0 if solid else 0.5)
         fig = new_figure((width * columns, height), layout=None if solid else "constrained")
         panels: list[Any] = [
-            fig.add_subplot(rows, columns, place + 1, projection="3d" if solid else None)
-            for place in range(len(levels) + enlarged)
+            fig.add_subplot(rows, columns, position + 1, projection="3d" if solid else None)
+            for position in range(len(levels) + enlarged)
         ]
         shades = None if solid else _shades(levels)
-        for place, (ax, level) in enumerate(zip(panels, [*levels, levels[-1]], strict=False)):
+        for position, (ax, level) in enumerate(zip(panels, [*levels, levels[-1]], strict=False)):
             mesh = level.problem.field.mesh  # type: ignore[union-attr]
-            zoom = place == len(levels)
+            zoom = position == len(levels)
             if shades is None:
                 _solid(ax, mesh)
             else:
@@ -88,8 +88,8 @@ def plot_meshes(
             if not solid:
                 ax.set_aspect("equal")
                 ax.spines[:].set_visible(zoom)
-                bottom = place + columns >= len(panels)
-                left = place % columns == 0
+                bottom = position + columns >= len(panels)
+                left = position % columns == 0
                 ax.set(xlabel=with_unit("x", unit) if bottom else "", ylabel=with_unit("y", unit) if left else "")
         if shades is not None:
             bar = fig.colorbar(
@@ -102,7 +102,7 @@ def plot_meshes(
         if solid:
             foot = FOOT / fig.get_figheight()
             fig.tight_layout(pad=0.6, w_pad=1.0, h_pad=1.0, rect=(0.0, foot, 1.0, 1.0))
-        write_foot(fig, certificate_line(found.solution, certificate, statement_of(found.distance)))
+        write_foot(fig, certificate_line(adaptive.solution, certificate, statement_of(adaptive.distance)))
     return fig
 
 

@@ -209,16 +209,16 @@ def _certificate(certificate: Certificate) -> _Shown:
     return "Certificate", lambda: [plot_certificate(certificate)], _rows(rows)
 
 
-def _exact(found: DistanceToExact | None) -> str | None:
+def _exact(distance: DistanceToExact | None) -> str | None:
     """The distance to the exact solution in a few words."""
-    if found is None:
+    if distance is None:
         return None
-    if not found.known:
-        return f"not known: {found.why}"
-    size = _number(found.relative)
-    if found.conditions:
-        return f"{size} (if {' and '.join(found.conditions)})"
-    return f"{size} (guaranteed)" if found.guaranteed else f"{size} (an estimate: {found.why})"
+    if not distance.known:
+        return f"not known: {distance.why}"
+    size = _number(distance.relative)
+    if distance.conditions:
+        return f"{size} (if {' and '.join(distance.conditions)})"
+    return f"{size} (guaranteed)" if distance.guaranteed else f"{size} (an estimate: {distance.why})"
 
 
 def _path(path: Path) -> _Shown:
@@ -236,34 +236,34 @@ def _path(path: Path) -> _Shown:
     return _title("Path", path.problem), lambda: [plot_path(path)] if len(path) else [], _rows(rows)
 
 
-def _solution_set(found: SolutionSet) -> _Shown:
+def _solution_set(solutions: SolutionSet) -> _Shown:
     rows = tuple(
         (number, solution.kind, solution.energy, solution.normal_force, solution.contact_length, solution.status.value)
-        for number, solution in enumerate(found.solutions[:_MOST_ROWS])
+        for number, solution in enumerate(solutions.solutions[:_MOST_ROWS])
     )
-    table = Table(("", "kind", "energy", "normal force", "contact", "status"), rows, found.searched)
-    count = f"{len(found)} solution{'s' if len(found) != 1 else ''}"
-    heading = f"{count}, {'there are no others' if found.exhaustive else 'there may be more'}"
-    field = found.solutions[0].problem.field if found.solutions else None
-    drawn = found.solutions and (field is None or _small(field.mesh))
-    return heading, lambda: [plot_solutions(found)] if drawn else [], table
+    table = Table(("", "kind", "energy", "normal force", "contact", "status"), rows, solutions.searched)
+    count = f"{len(solutions)} solution{'s' if len(solutions) != 1 else ''}"
+    heading = f"{count}, {'there are no others' if solutions.exhaustive else 'there may be more'}"
+    field = solutions.solutions[0].problem.field if solutions.solutions else None
+    drawn = solutions.solutions and (field is None or _small(field.mesh))
+    return heading, lambda: [plot_solutions(solutions)] if drawn else [], table
 
 
 def _problem(problem: ContactProblem) -> _Shown:
     material = problem.material
-    what, told = "material", type(material).__name__.strip("_").lower()
+    what, value = "material", type(material).__name__.strip("_").lower()
     if isinstance(material, GradientMaterial):
         by_region = isinstance(material.coefficient, Mapping)
-        what, told = material.scalar.constant, "by region" if by_region else _told(material.coefficient)
+        what, value = material.scalar.constant, "by region" if by_region else _short_text(material.coefficient)
     rows: list[_Row] = [
         ("mesh", f"{problem.mesh.number_of_cells} cells, {problem.mesh.number_of_nodes} vertices"),
         ("elements", f"of order {problem.order}"),
-        (what, told),
-        (problem.load_names[0].replace("_", " "), _told(problem.body_force)),
-        ("bedding", None if problem.bedding == 0.0 else _told(problem.bedding)),
+        (what, value),
+        (problem.load_names[0].replace("_", " "), _short_text(problem.body_force)),
+        ("bedding", None if problem.bedding == 0.0 else _short_text(problem.bedding)),
         ("stiffening", "by the stress of the load" if problem.stiffening else None),
-        *((f"support: {name}", _told(support)) for name, support in problem.supports.items()),
-        *((f"load: {name}", _told(load)) for name, load in problem.tractions.items()),
+        *((f"support: {name}", _short_text(support)) for name, support in problem.supports.items()),
+        *((f"load: {name}", _short_text(load)) for name, load in problem.tractions.items()),
         *((f"contact: {name}", _laws(contact)) for name, contact in problem.contact.items()),
         *_stated_margin(problem),
     ]
@@ -339,12 +339,12 @@ def _sweep(sweep: Sweep) -> _Shown:
     return heading, lambda: [plot_sweep(sweep)] if drawn else [], table
 
 
-def _adaptive(found: AdaptiveSolution) -> _Shown:
-    whole = adaptive_table(found)
+def _adaptive(adaptive: AdaptiveSolution) -> _Shown:
+    whole = adaptive_table(adaptive)
     kept = [k for k, name in enumerate(whole.columns) if name in _OF_A_MESH]
     table = Table(tuple(whole.columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in whole.rows))
-    heading = f"Adaptive solution: {found.ended}, asked for {_number(found.rtol)}"
-    return heading, lambda: [plot_adaptive(found)], table
+    heading = f"Adaptive solution: {adaptive.ended}, asked for {_number(adaptive.rtol)}"
+    return heading, lambda: [plot_adaptive(adaptive)], table
 
 
 def _stated_of(problem: DiscreteProblem) -> Figure:
@@ -359,7 +359,7 @@ def _title(what: str, problem: DiscreteProblem) -> str:
     return f"{what}: {stated.title}" if stated is not None and stated.title else what
 
 
-def _told(value: object) -> str:
+def _short_text(value: object) -> str:
     """A condition in a few words."""
     if callable(value):
         return "varies"
@@ -463,22 +463,22 @@ def _path_record(path: Path) -> Record:
     }
 
 
-def _solutions_record(found: SolutionSet) -> Record:
+def _solutions_record(solutions: SolutionSet) -> Record:
     return {
-        "kind": [None if one.kind is None else one.kind.value for one in found],
-        "energy": [one.energy for one in found],
-        "max_penetration": [float(one.penetration.max(initial=-np.inf)) for one in found],
-        "normal_force": [one.normal_force for one in found],
-        "contact": [one.contact_length for one in found],
-        "status": [one.status.value for one in found],
-        "residual": [one.residual.relative for one in found],
+        "kind": [None if one.kind is None else one.kind.value for one in solutions],
+        "energy": [one.energy for one in solutions],
+        "max_penetration": [float(one.penetration.max(initial=-np.inf)) for one in solutions],
+        "normal_force": [one.normal_force for one in solutions],
+        "contact": [one.contact_length for one in solutions],
+        "status": [one.status.value for one in solutions],
+        "residual": [one.residual.relative for one in solutions],
     }
 
 
 _RECORDS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
     Path: (_path_record, "path.load_factor, path.energy, path.normal_force"),
     SolutionSet: (_solutions_record, "solutions.energies"),
-    Study: (lambda found: study_table(found).record(), "hemivar.report.study_table(study)"),
-    Sweep: (lambda found: sweep_table(found).record(), "hemivar.report.sweep_table(sweep)"),
-    AdaptiveSolution: (lambda found: adaptive_table(found).record(), "found.rows()"),
+    Study: (lambda study: study_table(study).record(), "hemivar.report.study_table(study)"),
+    Sweep: (lambda sweep: sweep_table(sweep).record(), "hemivar.report.sweep_table(sweep)"),
+    AdaptiveSolution: (lambda adaptive: adaptive_table(adaptive).record(), "found.rows()"),
 }

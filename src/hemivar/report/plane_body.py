@@ -192,8 +192,8 @@ class PlaneBody:
                 ax, places[shown], vectors[shown], pulls[shown], largest / length, self.size, colour, 5.0 + 0.1 * row
             )
             quiver.set_in_layout(False)
-            said = f"{name}: {reference:g} {self.units[1]}".rstrip()
-            self.keys.append((quiver, said, reference, reference * length / largest))
+            label = f"{name}: {reference:g} {self.units[1]}".rstrip()
+            self.keys.append((quiver, label, reference, reference * length / largest))
             ax.update_datalim(ends)
         ax.autoscale_view()
         return length
@@ -261,11 +261,11 @@ class PlaneBody:
 def _spread(where: Array, first: int, distance: float) -> IntArray:
     """Which of these increasing places (k,) stand ``distance`` apart, counted from one of them to both sides."""
     chosen = [first]
-    for way in (1, -1):
+    for direction in (1, -1):
         last = first
         while True:
-            ahead = where[last] + way * distance * (1.0 - 1e-9)
-            last = int(np.searchsorted(where, ahead)) if way > 0 else int(np.searchsorted(where, ahead, "right")) - 1
+            ahead = where[last] + direction * distance * (1.0 - 1e-9)
+            last = int(np.searchsorted(where, ahead, "left" if direction > 0 else "right")) - (direction < 0)
             if not 0 <= last < len(where):
                 break
             chosen.append(last)

@@ -134,9 +134,9 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
         vectors = area_average(problem, solution.friction), solution.slip
         acts, r = (np.linalg.norm(values, axis=1) for values in vectors)
     acts, r = acts[over], r[over]
-    held = np.ones(mesh.number_of_nodes, dtype=bool)
-    held[contact.node[over]] = False
-    cells = mesh.cells[(~held[mesh.cells]).all(axis=1)]
+    supported = np.ones(mesh.number_of_nodes, dtype=bool)
+    supported[contact.node[over]] = False
+    cells = mesh.cells[(~supported[mesh.cells]).all(axis=1)]
     outline = [mesh.points[edge] for edge in polylines(mesh.boundary_facets)]
     fig = new_figure((8.2, 4.4), layout="constrained")
     panels = fig.subplots(1, 2, sharey=True)

@@ -35,7 +35,7 @@ _MOST_LAWS = 6
 
 
 def plot_solutions(
-    found: SolutionSet,
+    solutions: SolutionSet,
     *,
     title: str | None = None,
     unit: str = "",
@@ -49,7 +49,7 @@ def plot_solutions(
 
     Parameters
     ----------
-    found : SolutionSet
+    solutions : SolutionSet
     title : str, optional
     unit, stress_unit : str
         Units of length and stress for the labels.
@@ -62,10 +62,10 @@ def plot_solutions(
         No solution was found, or there are no such colours.
     """
 
-    if not len(found):
+    if not len(solutions):
         raise ProblemError("no solution was found that could be drawn; search from more starts")
-    shown, scale = found[:MOST_PICTURES], common_scale(found)
-    curve = _LawCurve.of(found) if len(shown) <= _MOST_LAWS else None
+    shown, scale = solutions[:MOST_PICTURES], common_scale(solutions)
+    curve = _LawCurve.of(solutions) if len(shown) <= _MOST_LAWS else None
     columns = min(len(shown), _BESIDE)
     rows = -(-len(shown) // columns)
     high, low = 2.7, 0.0 if curve is None else 1.5
@@ -94,10 +94,10 @@ def plot_solutions(
                 handles=[state_mark(kind, kind.label) for kind in kinds], loc="outside lower center",
                 borderaxespad=above, ncols=in_rows(len(kinds)), columnspacing=1.4,
             )  # fmt: skip
-        many = f"{len(found)} solutions" if len(found) > 1 else "one solution"
-        worst = max(solution.residual.relative for solution in found)
-        least = "" if len(shown) == len(found) else f", {len(shown)} of least energy shown"
-        others = "no others exist" if found.exhaustive else "there may be others"
+        many = f"{len(solutions)} solutions" if len(solutions) > 1 else "one solution"
+        worst = max(solution.residual.relative for solution in solutions)
+        least = "" if len(shown) == len(solutions) else f", {len(shown)} of least energy shown"
+        others = "no others exist" if solutions.exhaustive else "there may be others"
         times = "" if scale == 1.0 else f"; displacement times {scale:g}"
         write_foot(fig, f"{many}{least}; {others}; residuals at most {worst:.1e}{times}")
     return fig
@@ -113,16 +113,16 @@ class _LawCurve:
     most: float
 
     @classmethod
-    def of(cls, found: SolutionSet) -> _LawCurve | None:
+    def of(cls, solutions: SolutionSet) -> _LawCurve | None:
         """None where contact points have different laws, or laws of several components at once."""
-        problem = found[0].problem
+        problem = solutions[0].problem
         law = problem.law
         if not isinstance(law, ContactLaw) or law.state_dependent or problem.contact_points == 0:
             return None
         parts = law.scalar_laws(problem.contact.components)
-        places = [np.array([_place(one, k) for one in found]) for k in range(len(parts))]
-        component = int(np.argmax([float(np.ptp(place, axis=0).max(initial=0.0)) for place in places]))
-        least, most = float(places[component].min()), float(places[component].max())
+        depths = [np.array([_depth_or_slip(one, k) for one in solutions]) for k in range(len(parts))]
+        component = int(np.argmax([float(np.ptp(depth, axis=0).max(initial=0.0)) for depth in depths]))
+        least, most = float(depths[component].min()), float(depths[component].max())
         room = 0.12 * (most - least) or 1.0
         least, most = min(least, 0.0) - room, max(most, 0.0) + room
         part = parts[component]
@@ -135,9 +135,9 @@ class _LawCurve:
         """The graph of the law, and the contact points of a solution on it by their states."""
         draw_graph(panel, self.law, self.law.describe(), max(-self.least, self.most))
         force = solution.pressure if self.component == 0 else np.linalg.norm(solution.friction, axis=1)
-        place = _place(solution, self.component)
+        depth = _depth_or_slip(solution, self.component)
         for kind, here in solution.states.present.items():
-            panel.plot(place[here], force[here], ls="", ms=4.0, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
+            panel.plot(depth[here], force[here], ls="", ms=4.0, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
         names = (("penetration", "pressure"), ("slip", "friction"))[self.component]
         panel.set_xlabel(with_unit(names[0], unit))
         panel.set_ylabel(with_unit(names[1], stress_unit))
@@ -146,14 +146,14 @@ class _LawCurve:
         panel.tick_params(labelsize=7.0)
 
 
-def _place(solution: Solution, component: int) -> Array:
+def _depth_or_slip(solution: Solution, component: int) -> Array:
     """Penetrations, or sizes of the slip, (m,)."""
     return solution.penetration if component == 0 else np.linalg.norm(solution.slip, axis=1)
 
 
-def common_scale(found: SolutionSet) -> float:
+def common_scale(solutions: SolutionSet) -> float:
     """A factor of the displacement for the pictures of all solutions: that of the one that moves farthest."""
-    bodies = [solution for solution in found if solution.problem.field is not None]
+    bodies = [solution for solution in solutions if solution.problem.field is not None]
     return min((DeformedBody.of(solution, "auto").factor for solution in bodies), default=1.0)
 
 

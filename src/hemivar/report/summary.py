@@ -134,8 +134,8 @@ def _contact_part(solution: Solution, units: Units) -> Iterator[Row]:
 def _counts(solution: Solution) -> tuple[dict[NormalState, int], dict[TangentialState, int]]:
     """How many points of all processes are in each normal and in each tangential state."""
     normal, tangential = solution.states.counts
-    found = [int(count) for count in solution.problem.vectors.total(*normal.values(), *tangential.values())]
-    return dict(zip(normal, found, strict=False)), dict(zip(tangential, found[len(normal) :], strict=True))
+    counts = [int(count) for count in solution.problem.vectors.total(*normal.values(), *tangential.values())]
+    return dict(zip(normal, counts, strict=False)), dict(zip(tangential, counts[len(normal) :], strict=True))
 
 
 def _most(values: Array) -> float:

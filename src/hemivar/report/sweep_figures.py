@@ -59,7 +59,7 @@ def _curves(sweep: Sweep, name: str, title: str | None) -> Figure:
     fig = new_figure((4.0, 3.8), layout="constrained")
     above, below = fig.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     (axis,) = sweep.axes
-    x = _places(axis)
+    x = _positions(axis)
     order = np.argsort(x)
     margin, count = sweep.margin[order], sweep.count[order]
     x, sure = x[order], sweep.exhaustive[order] == 1.0
@@ -127,10 +127,10 @@ def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
         norm=BoundaryNorm(np.arange(-0.5, len(numbers)), len(numbers)), rasterized=count.size > 2500,
     )  # fmt: skip
     every = max(1, len(numbers) // 10)
-    told = fig.colorbar(blocks, ax=right, label="number of solutions", ticks=np.arange(0, len(numbers), every))
-    told.ax.set_yticklabels([str(number) for number in numbers[::every]])
-    told.ax.minorticks_off()
-    middles = [_places(axis) for axis in sweep.axes]
+    count_bar = fig.colorbar(blocks, ax=right, label="number of solutions", ticks=np.arange(0, len(numbers), every))
+    count_bar.ax.set_yticklabels([str(number) for number in numbers[::every]])
+    count_bar.ax.minorticks_off()
+    middles = [_positions(axis) for axis in sweep.axes]
     if _zero(left, middles, margin) and _zero(right, middles, margin):
         handle = Line2D([], [], color="black", lw=1.0, ls="--", label="margin zero: one solution where it is positive")
         fig.legend(handles=[handle], loc="outside lower center")
@@ -141,12 +141,12 @@ def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
             right.plot(*at, mark, color="black", ms=2.5 if mark == "." else 4.0)
     for panel in (left, right):
         panel.set_xlabel(names[0])
-        for axis, way in zip(sweep.axes, "xy", strict=True):
+        for axis, letter in zip(sweep.axes, "xy", strict=True):
             if axis.numbers is not None:
-                (panel.xaxis if way == "x" else panel.yaxis).set_major_locator(
-                    MaxNLocator(nbins=4 if way == "x" else 8)
+                (panel.xaxis if letter == "x" else panel.yaxis).set_major_locator(
+                    MaxNLocator(nbins=4 if letter == "x" else 8)
                 )
-            _ticks(panel, axis, way)
+            _ticks(panel, axis, letter)
     left.set_ylabel(names[1])
     if title:
         fig.suptitle(title, fontsize=10)
@@ -162,14 +162,14 @@ def _zero(panel: Axes, middles: Sequence[Array], margin: Array) -> bool:
     return True
 
 
-def _places(axis: SweepAxis) -> Array:
+def _positions(axis: SweepAxis) -> Array:
     """Where the values of an axis stand: at their numbers, or one after the other."""
     return np.arange(len(axis.values), dtype=float) if axis.numbers is None else axis.numbers
 
 
 def _edges(axis: SweepAxis) -> Array:
     """Ends of the cells around the values of an axis."""
-    x = _places(axis)
+    x = _positions(axis)
     if len(x) == 1:
         half = 0.5 * max(abs(float(x[0])), 1.0)
         return np.array([x[0] - half, x[0] + half])
@@ -177,11 +177,11 @@ def _edges(axis: SweepAxis) -> Array:
     return np.concatenate([[2 * x[0] - between[0]], between, [2 * x[-1] - between[-1]]])
 
 
-def _ticks(panel: Axes, axis: SweepAxis, way: str) -> None:
+def _ticks(panel: Axes, axis: SweepAxis, letter: str) -> None:
     """Names at the ticks of an axis whose values are no numbers."""
     if axis.numbers is not None:
         return
     every = max(1, len(axis.values) // _TICKS)
-    places = range(0, len(axis.values), every)
-    names = [str(axis.values[i]).replace("$", r"\$") for i in places]
-    (panel.set_xticks if way == "x" else panel.set_yticks)(list(places), labels=names)
+    numbers = range(0, len(axis.values), every)
+    names = [str(axis.values[i]).replace("$", r"\$") for i in numbers]
+    (panel.set_xticks if letter == "x" else panel.set_yticks)(list(numbers), labels=names)

@@ -235,14 +235,14 @@ def _escape(text: str) -> str:
     return marked.replace("://", ":&#47;/").replace("www.", "www&#46;").replace("@", "&#64;")  # which are links bare
 
 
-def adaptive_table(found: AdaptiveSolution, *, title: str = "") -> Table:
+def adaptive_table(adaptive: AdaptiveSolution, *, title: str = "") -> Table:
     """The meshes of an adaptive solve: the rows of :meth:`hemivar.bounds.AdaptiveSolution.rows`.
 
     ``guaranteed`` is 1 where the relative bound is one, 0 where it is an estimate.
 
     Parameters
     ----------
-    found : AdaptiveSolution
+    adaptive : AdaptiveSolution
     title : str
         For LaTeX.
 
@@ -250,7 +250,7 @@ def adaptive_table(found: AdaptiveSolution, *, title: str = "") -> Table:
     -------
     Table
     """
-    rows = found.rows()
+    rows = adaptive.rows()
     return Table(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 

@@ -41,19 +41,20 @@ def others(first: Solver, ended: Status, problem: DiscreteProblem) -> Iterator[S
 
 def took_over(solution: Solution, failed: Sequence[Solution]) -> str:
     """The sentence of a result by a method that was tried after others."""
-    return f"{solution.method} took over: {'; '.join(_ended(one) for one in failed)}"
+    return f"{solution.method} took over: {'; '.join(_ended(solution) for solution in failed)}"
 
 
 def best_of(failed: Sequence[Solution]) -> Solution:
     """The result with the least residual of methods that have all failed; it names the others."""
-    best = min(failed, key=lambda one: one.residual.relative)
-    others = "; ".join(_ended(one) for one in failed if one is not best)
+    best = min(failed, key=lambda solution: solution.residual.relative)
+    others = "; ".join(_ended(solution) for solution in failed if solution is not best)
     return replace(best, remarks=(f"{best.method} came nearest: {others}", *best.remarks)) if others else best
 
 
-def _ended(one: Solution) -> str:
-    steps = f"{one.steps} step" + "s" * (one.steps != 1)
-    return f"{one.method} ended {one.status.value} after {steps}, relative residual {one.residual.relative:.1e}"
+def _ended(solution: Solution) -> str:
+    steps = f"{solution.steps} step" + "s" * (solution.steps != 1)
+    ended = f"{solution.method} ended {solution.status.value}"
+    return f"{ended} after {steps}, relative residual {solution.residual.relative:.1e}"
 
 
 def _frozen(solver: Solver, problem: DiscreteProblem) -> Solver | None:

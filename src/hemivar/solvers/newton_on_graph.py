@@ -106,7 +106,7 @@ class GraphEquation:
         law, pair, d = system.law, 1.0 / system.compliance, system.active.shape[1]
         above = law.curve_above if law.depends_on_whole_state else alphas
         if above is not None:
-            least = [np.broadcast_to(one, len(pair)) for one in above]
+            least = [np.broadcast_to(alpha, len(pair)) for alpha in above]
             pair = np.maximum(pair, 1.5 * np.stack(least, axis=1))
         chart = law.chart(pair, d) if law.is_curve(pair, d) else None
         if system.vectors.largest(float(chart is None))[0] or chart is None:

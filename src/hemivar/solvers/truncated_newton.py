@@ -22,6 +22,7 @@ __all__ = ["NewtonMemory", "TruncatedNewton", "lower_energy"]
 #: What a move must lower the energy by at least, relative to its parts.
 _WORTH = 1e-12
 #: Part of the residual below which it has fallen in a step; how much closer Newton's equation is solved else, and most.
+#: Half and twice of each cost the same steps and cycles to 1 % on small bodies.
 _FALLS, _CLOSER, _CLOSEST = 0.9, 0.3, 1e-4
 #: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
 _TINY = 1e-6

@@ -50,8 +50,8 @@ class BodyShape:
         if mesh.dim == 2:
             vertex, triangles, lines = np.arange(mesh.number_of_nodes), mesh.cells, mesh.boundary_facets
         else:
-            vertex, place = np.unique(mesh.boundary_facets, return_inverse=True)
-            triangles = place.reshape(mesh.boundary_facets.shape)
+            vertex, row = np.unique(mesh.boundary_facets, return_inverse=True)
+            triangles = row.reshape(mesh.boundary_facets.shape)
             pairs = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
             lines = np.unique(np.sort(pairs, axis=1), axis=0) if len(triangles) <= _EDGES else np.zeros((0, 2), int)
         places = np.zeros((contact.count, mesh.dim)) if contact.points is None else contact.points
@@ -135,7 +135,7 @@ def _boundaries(problem: DiscreteProblem) -> list[dict[str, object]]:
     if contact.points is None or not contact.count or (contact.boundary < 0).any():
         return []
     lines = {boundary.name: boundary for boundary in contact_boundaries(problem)}
-    found: list[dict[str, object]] = []
+    listed: list[dict[str, object]] = []
     for name in contact.names:
         index = contact.on(name)
         if not index.size:
@@ -146,16 +146,16 @@ def _boundaries(problem: DiscreteProblem) -> list[dict[str, object]]:
             own = contact.points[index]
             widest = int(np.argmax(np.ptp(own, axis=0)))
             along, axis = own[:, widest], "xyz"[widest]
-        told = {"name": name, "index": index.tolist(), "along": along.tolist(), "axis": axis}
-        found.append({**told, "pair": name in contact.pairs})
-    return found
+        entry = {"name": name, "index": index.tolist(), "along": along.tolist(), "axis": axis}
+        listed.append({**entry, "pair": name in contact.pairs})
+    return listed
 
 
 def _in_space(vectors: Array, height: bool = False) -> Array:
     """Vectors (n, d) with three components; one component is a height if asked for."""
-    found = np.zeros((len(vectors), 3))
+    space = np.zeros((len(vectors), 3))
     if height:
-        found[:, 2] = vectors[:, 0]
+        space[:, 2] = vectors[:, 0]
     else:
-        found[:, : vectors.shape[1]] = vectors
-    return found
+        space[:, : vectors.shape[1]] = vectors
+    return space

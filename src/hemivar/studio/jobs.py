@@ -129,7 +129,7 @@ class Bench:
             stated = self._read(request)
             keys = stated.keys
             if request.kind == "solve":
-                yield self._told(request, stated)
+                yield self._problem_message(request, stated)
             yield from work(request, stated, stopped)
             yield Message({"type": "done", "generation": request.generation, "of": request.kind})
         except HemivarError as error:
@@ -183,9 +183,9 @@ class Bench:
                     "page reads files of that folder only; make a copy in it"
                 )
 
-    def _told(self, request: Request, stated: _Stated) -> Message:
+    def _problem_message(self, request: Request, stated: _Stated) -> Message:
         data = tomllib.loads(stated.text)
-        found = sliders_of(data, in_utf16(stated.text, numbers_of(stated.text)), stated.file.units, self.code)
+        sliders = sliders_of(data, in_utf16(stated.text, numbers_of(stated.text)), stated.file.units, self.code)
         return Message(
             {
                 "type": "problem",
@@ -193,7 +193,7 @@ class Bench:
                 "title": stated.file.problem.title,
                 "timed": stated.file.time is not None,
                 "units": stated.file.units.record(),
-                "sliders": [slider.record() for slider in found],
+                "sliders": [slider.record() for slider in sliders],
             }
         )
 
@@ -275,52 +275,52 @@ class Bench:
                 kind = "" if solution.kind is None else solution.kind.value
                 yield self._picture(request, solution, {"solution": number, "kind": kind})
                 number += 1
-        found = work.result
-        if found is not None:
-            known = "all solutions" if found.exhaustive else "perhaps not all"
-            words = f"{len(found)} solution{'' if len(found) == 1 else 's'}, {known}: {found.searched}"
+        result = work.result
+        if result is not None:
+            known = "all solutions" if result.exhaustive else "perhaps not all"
+            words = f"{len(result)} solution{'' if len(result) == 1 else 's'}, {known}: {result.searched}"
             yield Message({"type": "solutions", "generation": request.generation, "count": number, "words": words})
 
     def _follow(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
         stated = _static(stated, "the load path")
         options = PathOptions((0.0, request.upper), max_points=_MOST_POINTS, max_time=_SECONDS)
         work = _Watched(path(stated.file.problem, options), stopped)
-        told = 0
+        reported = 0
         for event in work:
-            if isinstance(event, PathProgress) and event.points >= told + 20:
-                told = event.points
+            if isinstance(event, PathProgress) and event.points >= reported + 20:
+                reported = event.points
                 yield _progress(request, None, f"{event.points} points, load factor {event.load_factor:.3g}")
-        found = work.result
-        if found is None:
+        curve = work.result
+        if curve is None:
             return
-        self._path = stated.text, found
-        yield from self._shown(request, found.problem)
+        self._path = stated.text, curve
+        yield from self._shown(request, curve.problem)
         yield Message(
             {
                 "type": "path",
                 "generation": request.generation,
-                "words": f"{found.failure}; {found.ended}",
-                "folds": [fold.index for fold in found.main_folds],
-                "jumps": [[jump.index, jump.load_factor] for jump in found.main_jumps],
-                "warnings": list(found.warnings),
+                "words": f"{curve.failure}; {curve.ended}",
+                "folds": [fold.index for fold in curve.main_folds],
+                "jumps": [[jump.index, jump.load_factor] for jump in curve.main_jumps],
+                "warnings": list(curve.warnings),
             },
             {
-                "load_factor": found.load_factor,
-                "penetration": found.max_penetration,
-                "normal_force": found.normal_force,
-                "friction_force": np.linalg.norm(found.friction_force, axis=1),
-                "energy": found.energy,
-                "stable": found.stable.astype(float),
+                "load_factor": curve.load_factor,
+                "penetration": curve.max_penetration,
+                "normal_force": curve.normal_force,
+                "friction_force": np.linalg.norm(curve.friction_force, axis=1),
+                "energy": curve.energy,
+                "stable": curve.stable.astype(float),
             },
         )
-        yield self._at(request, found, len(found) - 1)
+        yield self._at(request, curve, len(curve) - 1)
 
     def _point(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
         if self._path is None or self._path[0] != stated.text:
             raise ProblemError("the load path belongs to another problem; follow it again")
-        found = self._path[1]
-        yield from self._shown(request, found.problem)
-        yield self._at(request, found, min(request.index, len(found) - 1))
+        curve = self._path[1]
+        yield from self._shown(request, curve.problem)
+        yield self._at(request, curve, min(request.index, len(curve) - 1))
 
     def _energies(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
         """The energy of the solution over the values of one number of the text."""
@@ -333,7 +333,7 @@ class Bench:
             values = np.unique(np.round(values))
         points: list[tuple[float, float]] = []
         last: Solution | None = None
-        for place, value in enumerate(values.tolist()):
+        for count, value in enumerate(values.tolist()):
             if stopped():
                 return
             before, last = last, None
@@ -350,18 +350,18 @@ class Bench:
             if before and last and not on_one_branch(before, last, self.workspace, _controls(stated, stopped)):
                 points.append((0.5 * (points[-1][0] + value), np.nan))  # the state jumps, and the curve breaks
             points.append((value, solution.energy if last else np.nan))
-            yield _progress(request, (place + 1) / len(values), f"{place + 1} of {len(values)} values")
+            yield _progress(request, (count + 1) / len(values), f"{count + 1} of {len(values)} values")
         drawn, energies = np.array(points).T
         if not np.isfinite(energies).any():
             raise ProblemError("no value of this slider has a solution; choose another one")
         head = {"type": "energies", "generation": request.generation, "key": request.key}
         yield Message(head, {"value": drawn, "energy": energies})
 
-    def _at(self, request: Request, found: EquilibriumPath, index: int) -> Message:
+    def _at(self, request: Request, curve: EquilibriumPath, index: int) -> Message:
         """The body at a point of a path."""
         assert self._shape is not None
-        local, multiplier = found.local[index], found.multiplier[index]
-        problem = found.line.at(float(found.load_factor[index]))
+        local, multiplier = curve.local[index], curve.multiplier[index]
+        problem = curve.line.at(float(curve.load_factor[index]))
         unknowns = self.workspace.condensed(problem).unknowns(local)
         field, contact = problem.field, problem.contact
         assert field is not None
@@ -369,9 +369,9 @@ class Bench:
         arrays = fields_of(self._shape, problem, field.full(unknowns), local, multiplier, states)
         head = {
             "type": "picture", "generation": request.generation, "shape": self._shape.key, "converged": True,
-            "status": f"load factor {found.load_factor[index]:.6g}", "remedy": "", "index": index,
-            "stable": bool(found.stable[min(index, len(found.stable) - 1)]), "energy": float(found.energy[index]),
-            "normal_force": float(found.normal_force[index]), "friction_force": found.friction_force[index].tolist(),
+            "status": f"load factor {curve.load_factor[index]:.6g}", "remedy": "", "index": index,
+            "stable": bool(curve.stable[min(index, len(curve.stable) - 1)]), "energy": float(curve.energy[index]),
+            "normal_force": float(curve.normal_force[index]), "friction_force": curve.friction_force[index].tolist(),
             "unknowns": problem.unknowns, "curves": curves_of(problem, local, multiplier),
         }  # fmt: skip
         return Message(head, arrays)
@@ -395,10 +395,10 @@ class Bench:
                     yield self._frame(request, discrete, frame)
                 if frames:
                     yield _progress(request, taken.done, f"t = {taken.row.time:.4g}")
-        found = work.result
-        if found is not None:
-            yield _history(request, found)
-            yield _badge(request, badge_in_time(found), list(found.messages))
+        history = work.result
+        if history is not None:
+            yield _history(request, history)
+            yield _badge(request, badge_in_time(history), list(history.messages))
 
     def _frame(self, request: Request, discrete: DiscreteEvolution, frame: Frame) -> Message:
         assert self._shape is not None
@@ -542,11 +542,11 @@ def _progress(request: Request, done: float | None, words: str) -> Message:
     return Message({"type": "progress", "generation": request.generation, "done": done, "words": words})
 
 
-def _history(request: Request, found: History) -> Message:
-    names = [name for name in ("normal_force", "friction_force", "contact") if name in found.rows[-1].values]
-    table = {name: np.array([row.values[name] for row in found.rows]) for name in names}
+def _history(request: Request, history: History) -> Message:
+    names = [name for name in ("normal_force", "friction_force", "contact") if name in history.rows[-1].values]
+    table = {name: np.array([row.values[name] for row in history.rows]) for name in names}
     head = {
-        "type": "history", "generation": request.generation, "ended": found.ended, "messages": list(found.messages),
-        "names": names, "events": [list(event) for event in found.events],
+        "type": "history", "generation": request.generation, "ended": history.ended, "messages": list(history.messages),
+        "names": names, "events": [list(event) for event in history.events],
     }  # fmt: skip
-    return Message(head, {"times": found.times, **table})
+    return Message(head, {"times": history.times, **table})

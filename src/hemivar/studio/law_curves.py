@@ -42,35 +42,35 @@ def curves_of(
     Shapes: ``local`` (m, c), ``multiplier`` (m, c), ``rate`` (m, c), ``of_rate`` (m,).
     """
     contact, law = problem.contact, problem.law
-    found: list[LawCurve] = []
+    curves: list[LawCurve] = []
     for name in contact.names:
         index = contact.on(name)
         if not index.size:
             continue
         if not isinstance(law, ContactLaw):
-            found.append(_without_curve(name, law.name))
+            curves.append(_without_curve(name, law.name))
             continue
         traction = multiplier[index]
         chosen = int(np.argmax(np.abs(traction[:, 0])))
         own = law.frozen(local, multiplier).take(index)
-        where = "" if contact.points is None else f"at x = {_place(contact.points[index[chosen]])}"
-        told = {"boundary": name, "note": ""}
+        where = "" if contact.points is None else f"at x = {_coordinates(contact.points[index[chosen]])}"
+        head = {"boundary": name, "note": ""}
         same = _same(own.normal, chosen)
         curve = _curve(own.normal.take(np.array([chosen])), local[index, 0], traction[:, 0], same)
-        found.append({**told, "side": "normal", **curve, "name": law.normal.name, "note": "" if same.all() else where})
+        curves.append({**head, "side": "normal", **curve, "name": law.normal.name, "note": "" if same.all() else where})
         if contact.components > 1 and own.rubs.any():
             rated = rate is not None and of_rate is not None and bool(of_rate[index].all())
             r = (rate if rated and rate is not None else local)[index, 1:]
-            found.append(
+            curves.append(
                 {
-                    **told,
+                    **head,
                     "side": "friction",
                     **_friction(own, chosen, r, traction[:, 1:], where),
                     "name": _friction_name(law.friction),
                     "by": "rate" if rated else "slip",
                 }
             )
-    return found
+    return curves
 
 
 def _friction_name(friction: Friction) -> str:
@@ -113,10 +113,10 @@ def _curve(law: Superpotential, r: Array, traction: Array, same: BoolArray) -> L
     largest = float(np.abs(r).max())
     shown = np.flatnonzero(np.broadcast_to(same, r.shape))
     shown = shown[:: max(1, -(-len(shown) // _MOST_POINTS))]
-    told = law.describe()
-    knots = [knot for knot in told.knots if math.isfinite(knot)]
+    description = law.describe()
+    knots = [knot for knot in description.knots if math.isfinite(knot)]
     reach = max([1.6 * abs(knot) for knot in knots] + [1.2 * largest]) or 1.0
-    low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
+    low, high = max(-reach, description.domain[0]), min(reach, description.domain[1])
     ends = [low, *[knot for knot in knots if low < knot < high], high]
     pieces = []
     for start, end in itertools.pairwise(ends):
@@ -124,12 +124,12 @@ def _curve(law: Superpotential, r: Array, traction: Array, same: BoolArray) -> L
             hair = 1e-9 * (end - start)
             places = np.linspace(start + hair, end - hair, _PLACES)
             pieces.append([places.tolist(), law.derivative(places).tolist()])
-    jumps = [[kink.place, kink.left, kink.right] for kink in told.kinks if low <= kink.place <= high]
+    jumps = [[kink.place, kink.left, kink.right] for kink in description.kinks if low <= kink.place <= high]
     return {
-        "name": told.name, "lines": list(told.lines), "pieces": pieces, "jumps": jumps, "reach": reach,
+        "name": description.name, "lines": list(description.lines), "pieces": pieces, "jumps": jumps, "reach": reach,
         "points": [r[shown].tolist(), traction[shown].tolist()],
     }  # fmt: skip
 
 
-def _place(point: Array) -> str:
+def _coordinates(point: Array) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"

@@ -68,15 +68,15 @@ class Desk:
                     return
                 request, self._pending = self._pending, None
                 number = self._newest
-            told: Request | None = None
-            while not _TURN.acquire(timeout=_LOOK if told else 0.0):
+            announced: Request | None = None
+            while not _TURN.acquire(timeout=_LOOK if announced else 0.0):
                 with self._changed:
                     if self._closed:
                         return
                     if self._pending is not None:
                         request, self._pending, number = self._pending, None, self._newest
-                if told is not request:
-                    told = request
+                if announced is not request:
+                    announced = request
                     self._send(_waiting(request))
             try:
                 self._answer(request, number)

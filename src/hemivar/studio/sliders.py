@@ -63,7 +63,7 @@ def sliders_of(
     data: Mapping[str, object], numbers: list[TextNumber], units: Units, code: Sequence[str] = ()
 ) -> list[Slider]:
     """The sliders of a file: of its law, loads, material, supports, mesh and time."""
-    found = []
+    sliders = []
     for number in numbers:
         first = str(number.path[0])
         if (
@@ -76,10 +76,10 @@ def sliders_of(
         low, high, whole = _range(data, number, parameter)
         step = 1.0 if whole else _nice((high - low) / 200.0)
         table, label = _names(number)
-        meaning = "" if parameter is None else f"{parameter.said.says} ({parameter.said.unit})".removesuffix(" ()")
-        place, unit = (number.start, number.end), _unit(number, parameter, units)
-        found.append(Slider(number.key, table, label, *place, number.value, low, high, step, whole, meaning, unit))
-    return found
+        meaning = "" if parameter is None else f"{parameter.stated.says} ({parameter.stated.unit})".removesuffix(" ()")
+        span, unit = (number.start, number.end), _unit(number, parameter, units)
+        sliders.append(Slider(number.key, table, label, *span, number.value, low, high, step, whole, meaning, unit))
+    return sliders
 
 
 def key_of_message(message: str, keys: list[str]) -> str | None:
@@ -87,8 +87,8 @@ def key_of_message(message: str, keys: list[str]) -> str | None:
     words = message.split(": ")
     for word in words[:3]:
         table, bracket, rest = word.partition("] ")
-        place = f"{table[1:]}.{rest}" if bracket and table.startswith("[") else word.strip("[]")
-        near = [key for key in keys if key == place or key.startswith(f"{place}.")]
+        key_named = f"{table[1:]}.{rest}" if bracket and table.startswith("[") else word.strip("[]")
+        near = [key for key in keys if key == key_named or key.startswith(f"{key_named}.")]
         if near:
             return near[0]
     return None
@@ -103,7 +103,7 @@ def _names(number: TextNumber) -> tuple[str, str]:
 def _unit(number: TextNumber, parameter: Argument | None, units: Units) -> str:
     """The unit of a number; empty where the file gives none for it."""
     names = [str(step) for step in number.path if isinstance(step, str)]
-    kind = parameter.said.unit if parameter is not None else next((_KINDS[n] for n in names[1:] if n in _KINDS), "")
+    kind = parameter.stated.unit if parameter is not None else next((_KINDS[n] for n in names[1:] if n in _KINDS), "")
     parts = [getattr(units, name) for name in _UNITS.get(kind, ())]
     return "/".join(parts) if all(parts) else ""
 
@@ -136,7 +136,7 @@ def _range(data: Mapping[str, object], number: TextNumber, parameter: Argument |
     size = _nice(2.0 * abs(value)) if value else 1.0
     low, high = (-size, size) if number.path[0] in ("loads", "supports", "contact") else (0.0, size)
     if parameter is not None:
-        low = max(low, parameter.said.lowest)
+        low = max(low, parameter.stated.lowest)
         high = max(high, low + size)
         if low == 0.0 and parameter.required and value > 0.0:
             low = size / 200.0

@@ -44,15 +44,15 @@ def numbers_of(text: str) -> list[TextNumber]:
     edge = _EDGE
     while edge in text:
         edge += _EDGE
-    found = [(path, item) for path, item in _leaves(document, ()) if _NUMBER.match(item.as_string())]
-    for number, (path, _) in enumerate(found):
-        place = document
+    leaves = [(path, item) for path, item in _leaves(document, ()) if _NUMBER.match(item.as_string())]
+    for number, (path, _) in enumerate(leaves):
+        table = document
         for key in path[:-1]:
-            place = place[key]
-        place[path[-1]] = f"{edge}{number}{edge}"
+            table = table[key]
+        table[path[-1]] = f"{edge}{number}{edge}"
     numbers, shift = [], 0
     for mark in re.finditer(f'"{edge}(\\d+){edge}"', tomlkit.dumps(document)):
-        path, item = found[int(mark[1])]
+        path, item = leaves[int(mark[1])]
         start, length = mark.start() + shift, len(item.as_string())
         numbers.append(TextNumber(path, start, start + length, item.unwrap()))
         shift += length - len(mark[0])
@@ -61,7 +61,7 @@ def numbers_of(text: str) -> list[TextNumber]:
 
 def in_utf16(text: str, numbers: list[TextNumber]) -> list[TextNumber]:
     """The numbers with their places in UTF-16 units, as a browser counts: a character beyond U+FFFF takes two."""
-    wide = [place for place, character in enumerate(text) if ord(character) > 0xFFFF]
+    wide = [index for index, character in enumerate(text) if ord(character) > 0xFFFF]
     return [
         replace(one, start=one.start + bisect_left(wide, one.start), end=one.end + bisect_left(wide, one.end))
         for one in numbers
@@ -73,8 +73,8 @@ def _leaves(value: object, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[
         for key, inner in value.items():
             yield from _leaves(inner, (*path, str(key)))
     elif isinstance(value, list):
-        for place, inner in enumerate(value):
-            yield from _leaves(inner, (*path, place))
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, (*path, index))
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield path, value  # type: ignore[misc]
 

@@ -167,7 +167,7 @@ class MatrixAtContact(ContactStiffness):
         both = self.active[:, :, None] & self.active[:, None, :]
         number = np.zeros(self.active.shape, dtype=np.int64)
         number[self.active] = np.arange(self.unknown.size)
-        rows, columns = (np.broadcast_to(one, both.shape)[both] for one in (number[:, :, None], number[:, None, :]))
+        rows, columns = (np.broadcast_to(index, both.shape)[both] for index in (number[:, :, None], number[:, None, :]))
         places = self.coupling.places(self.own[rows], self.own[columns])
         return np.flatnonzero(both), places, self.sign[rows] * self.sign[columns]
 

@@ -126,12 +126,12 @@ def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions |
     given = {name: getattr(options, name) for name in vars(options)}
     numbers = count()
     work = solving_adaptive(problem, **given)  # type: ignore[arg-type]
-    found = yield from each_as(work, lambda level: Refined(level, next(numbers)))
+    adaptive = yield from each_as(work, lambda level: Refined(level, next(numbers)))
     complaint, certificate = "", None
     try:
-        certificate = certificate_of(found.solution, options.controls.rtol, options.controls.max_time)
+        certificate = certificate_of(adaptive.solution, options.controls.rtol, options.controls.max_time)
         if certificate is not None:
-            certificate = replace(certificate, exact=statement_of(found.distance))
+            certificate = replace(certificate, exact=statement_of(adaptive.distance))
             yield CertificateEvent(certificate)
     except MemoryError:
         complaint = "not enough memory"
@@ -139,4 +139,4 @@ def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions |
         complaint = str(error)
     except KeyboardInterrupt:
         complaint = "interrupted"
-    return AdaptResult(found, certificate, complaint)
+    return AdaptResult(adaptive, certificate, complaint)

@@ -154,17 +154,17 @@ def diagnose(*, limit: float = 30.0) -> Generator[Phase, bool | None, Diagnosis]
 
     required = tuple(Part(name, _version(name), "needed", *_absent(name, module)) for name, module in _REQUIRED)
     optional = []
-    for place, (name, module, serves, remedy) in enumerate(_OPTIONAL):
+    for index, (name, module, serves, remedy) in enumerate(_OPTIONAL):
         version = _version(name) if importlib.util.find_spec(module) is not None else None
         if version is None:
             optional.append(Part(name, None, serves, remedy))
             continue
-        yield Phase(f"importing {name}", place, len(_OPTIONAL) + 1)
+        yield Phase(f"importing {name}", index, len(_OPTIONAL) + 1)
         broken = import_fails(module, most)
         optional.append(Part(name, version, serves, remedy if broken else "", broken))
     for name, serves, remedy in _PROGRAMS:
-        found = shutil.which(name)
-        optional.append(Part(name, found, serves, "" if found else remedy))
+        program = shutil.which(name)
+        optional.append(Part(name, program, serves, "" if program else remedy))
     seconds: float | None = None
     failed: str | None = None
     if all(part.works for part in required):
@@ -240,15 +240,15 @@ def _remarks(
     available: int,
     failed: str | None,
 ) -> tuple[str, ...]:
-    said = [f"{part.name} is missing or broken; {part.remedy}" for part in required if not part.works]
+    remarks = [f"{part.name} is missing or broken; {part.remedy}" for part in required if not part.works]
     if failed is not None:
-        said.append(f"a small problem cannot be solved ({failed}); please report it with all of this")
-    said += [f"{part.name} is there but cannot be used ({part.broken})" for part in optional if part.broken]
+        remarks.append(f"a small problem cannot be solved ({failed}); please report it with all of this")
+    remarks += [f"{part.name} is there but cannot be used ({part.broken})" for part in optional if part.broken]
     for library, count in threads:
         if count > available:
-            said.append(f"{library} takes {count} threads on {available} cores; set OMP_NUM_THREADS={available}")
+            remarks.append(f"{library} takes {count} threads on {available} cores; set OMP_NUM_THREADS={available}")
     names = {part.name: part for part in optional}
     if names["petsc4py"].works != names["mpi4py"].works:
         lacking = "mpi4py" if names["petsc4py"].works else "petsc4py"
-        said.append(f"the engine for clusters needs {lacking} too; see docs/distributed.md")
-    return tuple(said)
+        remarks.append(f"the engine for clusters needs {lacking} too; see docs/distributed.md")
+    return tuple(remarks)

@@ -51,10 +51,10 @@ def solutions(problem: ProblemLike, options: SolutionsOptions | None = None) -> 
     problem = as_discrete(problem, "solutions")
     for warning in problem.notes:
         yield WarningEvent(warning)
-    found = yield from finding(problem, options)
-    for solution in found:
+    result = yield from finding(problem, options)
+    for solution in result:
         yield FoundEvent(solution)
-    return found
+    return result
 
 
 @expecting(options=PathOptions)
@@ -107,7 +107,7 @@ def bracket(problem: ProblemLike, options: BracketOptions | None = None) -> Work
     ProblemError, MethodError
         As :func:`hemivar.branches.load_bracket`.
     """
-    found = yield from bracketing(problem, BracketOptions() if options is None else options)
-    for warning in found.solution.warnings:
+    result = yield from bracketing(problem, BracketOptions() if options is None else options)
+    for warning in result.solution.warnings:
         yield WarningEvent(warning)
-    return found
+    return result

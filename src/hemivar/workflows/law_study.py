@@ -84,22 +84,22 @@ def study_law(
         No such law or parameter, or a value that the law does not take.
     """
     parameters = {} if parameters is None else parameters
-    found = [laws[name] for laws in (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS) if name in laws]
-    if not found:
+    entries = [laws[name] for laws in (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS) if name in laws]
+    if not entries:
         of = LawKind.FRICTION if friction else LawKind.NORMAL
         own = entry_named(name, of, (Superpotential,), code)
-        found = [] if own is None else [own]
-    if not found:
+        entries = [] if own is None else [own]
+    if not entries:
         known = list(dict.fromkeys([*NORMAL_LAWS, *COUPLED_LAWS, *FRICTION_LAWS]))
         raise ProblemError(f"law {quoted(name)} is not known{suggest(name, known)}")
     if friction:
-        found = [entry for entry in found if entry.kind is LawKind.FRICTION]
-        if not found:
+        entries = [entry for entry in entries if entry.kind is LawKind.FRICTION]
+        if not entries:
             raise ProblemError(f"'{name}' is a normal law; there is no friction law of this name")
     elif first or parameters:
-        found = found[:1]
+        entries = entries[:1]
     studies = []
-    for entry in found:
+    for entry in entries:
         studies.append(_study(entry, parameters, label))
         yield studies[-1]
     return tuple(studies)
@@ -108,7 +108,7 @@ def study_law(
 def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
     """The law with the values given and example values for the others."""
     values, examples = values_shown(entry, given, label)
-    if any(p.said.form is Form.FILE and p.key not in values for p in entry.parameters):
+    if any(p.stated.form is Form.FILE and p.key not in values for p in entry.parameters):
         return LawStudy(entry, None)
     law = cast(Superpotential | Friction | MixedMode | ModeDependentGlue | OwnCoupledLaw, entry.make(**values)).at(None)
     if not isinstance(law, Friction):
@@ -127,31 +127,31 @@ def values_shown(entry: LawEntry, given: Mapping[str, Value], label: str) -> tup
             )
     values: dict[str, Value] = {}
     examples: dict[str, Value] = {}
-    replaced = {known[key].said.instead for key in given}
+    replaced = {known[key].stated.instead for key in given}
     for p in entry.parameters:
         if p.key in replaced:
             continue
         if p.key in given:
-            values[p.key] = _value(p.said, given[p.key], f"{label}{p.key}")
-        elif p.said.form is not Form.FILE and p.shown is not None:
+            values[p.key] = _value(p.stated, given[p.key], f"{label}{p.key}")
+        elif p.stated.form is not Form.FILE and p.shown is not None:
             values[p.key] = cast(Value, p.shown)
             if p.default is None:
                 examples[p.key] = values[p.key]
     return values, examples
 
 
-def _value(said: Stated, given: Value, where: str) -> Value:
+def _value(stated: Stated, given: Value, where: str) -> Value:
     if not isinstance(given, str):
         return given
-    if said.form in (Form.FILE, Form.TEXT):
-        if said.choices and given not in said.choices:
-            raise ProblemError(f"{where}={given}: write one of {', '.join(said.choices)}")
+    if stated.form in (Form.FILE, Form.TEXT):
+        if stated.choices and given not in stated.choices:
+            raise ProblemError(f"{where}={given}: write one of {', '.join(stated.choices)}")
         return given
-    parts = given.strip("[]").split(",") if said.form is Form.LIST else [given]
+    parts = given.strip("[]").split(",") if stated.form is Form.LIST else [given]
     numbers = []
     for part in parts:
         formula = Formula(part, where)
         if formula.variables:
             raise ProblemError(f"{where}={given}: give a number here; a formula of x belongs in a problem file")
         numbers.append(float(formula([[0.0, 0.0]])[0]))  # type: ignore[arg-type]
-    return numbers if said.form is Form.LIST else numbers[0]
+    return numbers if stated.form is Form.LIST else numbers[0]

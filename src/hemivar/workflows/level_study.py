@@ -64,8 +64,8 @@ class LevelStudy(PickleMixin):
         """Observed orders from each level to the next, ``log2(e_k-1 / e_k)``; nan for the first."""
         errors = self.errors(name)
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.log2(errors[:-1] / errors[1:])
-        return np.concatenate([[np.nan], np.where(np.isfinite(found), found, np.nan)])
+            orders = np.log2(errors[:-1] / errors[1:])
+        return np.concatenate([[np.nan], np.where(np.isfinite(orders), orders, np.nan)])
 
     def __repr__(self) -> str:
         lines = [f"LevelStudy({len(self.solutions)} levels)"]
@@ -73,8 +73,8 @@ class LevelStudy(PickleMixin):
             lines.append(f"  {name}: value, error, order")
             rows = zip(self.solutions, self.values[name], self.errors(name), self.steps(name), strict=True)
             for solution, value, error, order in rows:
-                told = ["" if math.isnan(number) else f"{number:.3g}" for number in (error, order)]
-                lines.append(f"    {solution.problem.unknowns:9d} unknowns  {value:.8g}  {'  '.join(told)}".rstrip())
+                shown = ["" if math.isnan(number) else f"{number:.3g}" for number in (error, order)]
+                lines.append(f"    {solution.problem.unknowns:9d} unknowns  {value:.8g}  {'  '.join(shown)}".rstrip())
         return "\n".join(lines)
 
 
@@ -123,8 +123,8 @@ def study_levels(
     given = dict(known or {})
     for level in range(levels):
         remedy = "return a DiscreteProblem or a FormProblem"
-        found = answer(make, (level,), "study_levels: make", "let it take the number of a level")
-        made: Made = expect(found, DiscreteProblem | FormProblem, f"the problem of level {level}", remedy)
+        answered = answer(make, (level,), "study_levels: make", "let it take the number of a level")
+        made: Made = expect(answered, DiscreteProblem | FormProblem, f"the problem of level {level}", remedy)
         discrete = made.discrete if isinstance(made, FormProblem) else made
         solution = solve(discrete, method, controls=controls)
         check_interrupt(solution.status)
@@ -139,7 +139,7 @@ def study_levels(
     return LevelStudy(tuple(solutions), values, given)
 
 
-def _measured(found: object, level: int) -> Mapping[str, float]:
-    if not isinstance(found, Mapping) or not found:
-        raise ProblemError(f"measure returns {described(found)} at level {level}; return numbers by name")
-    return {str(name): float(value) for name, value in found.items()}
+def _measured(measures: object, level: int) -> Mapping[str, float]:
+    if not isinstance(measures, Mapping) or not measures:
+        raise ProblemError(f"measure returns {described(measures)} at level {level}; return numbers by name")
+    return {str(name): float(value) for name, value in measures.items()}

@@ -143,10 +143,10 @@ def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Backend 
             gone = stepped.done - first[1]
             left = (spent - first[0]) * (1.0 - stepped.done) / gone if gone > 0.0 else math.nan
             try:
-                told = yield ProgressEvent(stepped, spent, left)
+                stop = yield ProgressEvent(stepped, spent, left)
             except KeyboardInterrupt:
-                told = True
-            stepped = work.send(told)
+                stop = True
+            stepped = work.send(stop)
     except StopIteration as end:
         history: History = end.value
         return history

@@ -194,9 +194,9 @@ class Study(ReprMixin, PickleMixin):
         orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
         h, count = self.sizes, len(self.levels)
         meshes = f"{count} meshes, h {h[0]:.3g} to {h[-1]:.3g}"
-        said = [f"if {' and '.join(one.conditions)}" for one in self.levels if one.conditions]
-        said += [f"none, because {'; '.join(one.unbounded)}" for one in self.levels if one.unbounded]
-        bounds = f"; {self.kind_of_bound}: {said[-1]}" if said else ""
+        remarks = [f"if {' and '.join(one.conditions)}" for one in self.levels if one.conditions]
+        remarks += [f"none, because {'; '.join(one.unbounded)}" for one in self.levels if one.unbounded]
+        bounds = f"; {self.kind_of_bound}: {remarks[-1]}" if remarks else ""
         return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'}{bounds})"
 
     @property
@@ -245,8 +245,8 @@ class Study(ReprMixin, PickleMixin):
         """Observed orders from each mesh to the next, ``log(e_k-1 / e_k) / log(h_k-1 / h_k)``; nan for the first."""
         errors, sizes = self.errors(quantity), self.sizes
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.log(errors[:-1] / errors[1:]) / np.log(sizes[:-1] / sizes[1:])
-        return np.concatenate([[np.nan], np.where(np.isfinite(found), found, np.nan)])
+            orders = np.log(errors[:-1] / errors[1:]) / np.log(sizes[:-1] / sizes[1:])
+        return np.concatenate([[np.nan], np.where(np.isfinite(orders), orders, np.nan)])
 
     @cached_property
     def orders(self) -> dict[str, float]:
@@ -507,9 +507,9 @@ def _by_processes(
     plain = replace(options, checkpoint=None, jobs=1)
     with tempfile.TemporaryDirectory(prefix="hemivar-study-") as folder:
         tasks = [_Task(number, stated, plain, Path(folder), first, start) for number in order]
-        with contextlib.closing(results(_mesh, tasks, options.jobs)) as found:
+        with contextlib.closing(results(_mesh, tasks, options.jobs)) as finished:
             done: dict[int, StudyLevel] = {}
-            for number, level in found:
+            for number, level in finished:
                 done[number] = level
                 while len(levels) in done:  # two may be done at once, the finer first
                     mine = len(levels)
@@ -598,13 +598,13 @@ def _bounded(levels: list[StudyLevel]) -> Work[bool]:
             assert stated is not None
             try:
                 u = level.solution.displacement
-                found = (
+                distance = (
                     scalar_distance(stated, u)
                     if constants is None
                     else statement_of(exact_distance(stated, u, constants))
                 )
-                bound = found.bound if found.guaranteed or found.conditions else math.inf
-                reasons, conditions = found.reasons, found.conditions
+                bound = distance.bound if distance.guaranteed or distance.conditions else math.inf
+                reasons, conditions = distance.reasons, distance.conditions
             except ProblemError as error:
                 bound, reasons, conditions = math.inf, (str(error),), ()
             reasons, conditions = ((), conditions) if math.isfinite(bound) else (reasons, ())
@@ -643,12 +643,12 @@ def _against_finest(level: StudyLevel, finest: Solution, fine: ContactProblem) -
     assert source is not None
     assert target is not None
     if source.order == 1:
-        values, way = _nodal(level.solution), []
+        values, interpolations = _nodal(level.solution), []
         mesh = target.mesh
         while mesh.number_of_nodes > source.mesh.number_of_nodes and mesh.parent is not None:
-            way.append(mesh.parent.interpolation)
+            interpolations.append(mesh.parent.interpolation)
             mesh = mesh.parent.mesh
-        for step in reversed(way):
+        for step in reversed(interpolations):
             values = step @ values
     else:
         values = interpolate(source, _nodal(level.solution), target)

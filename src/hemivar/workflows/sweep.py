@@ -103,20 +103,20 @@ def read_axis(text: str) -> SweepAxis | Change:
         The range makes no sense; otherwise as :func:`~hemivar.files.changes.read_change`.
     """
     key, _, written = text.partition("=")
-    found = _RANGE.fullmatch(written)
-    if found is None:
+    limits = _RANGE.fullmatch(written)
+    if limits is None:
         return read_change(text)
     key = Change(key.strip(), 0).key
-    low, high, count = float(found[1]), float(found[2]), int(found[3])
+    low, high, count = float(limits[1]), float(limits[2]), int(limits[3])
     if count < 2 or low == high or not (math.isfinite(low) and math.isfinite(high)):
         raise ProblemError(f"--set {text}: a range LOW:HIGH:COUNT has two different ends and at least two values")
-    if found[4] and not (low > 0.0 and high > 0.0):
+    if limits[4] and not (low > 0.0 and high > 0.0):
         raise ProblemError(f"--set {text}: the ends of a range in the logarithm are positive")
     if count > _MOST_POINTS:
         raise ProblemError(f"--set {text}: a sweep has at most {_MOST_POINTS} points")
-    between = np.geomspace(low, high, count) if found[4] else np.linspace(low, high, count)
+    between = np.geomspace(low, high, count) if limits[4] else np.linspace(low, high, count)
     values = [float(f"{value:.{_DIGITS}g}") for value in between]
-    whole = all(re.fullmatch(r"[-+]?\d+", end) for end in found.groups()[:2]) and all(v.is_integer() for v in values)
+    whole = all(re.fullmatch(r"[-+]?\d+", end) for end in limits.groups()[:2]) and all(v.is_integer() for v in values)
     return SweepAxis(key, tuple(int(v) for v in values) if whole else tuple(values))
 
 
@@ -195,10 +195,10 @@ class Sweep(ReprMixin):
     def __repr__(self) -> str:
         keys = ", ".join(f"{axis.key} of {len(axis.values)}" for axis in self.axes)
         counts = sorted({point.count for point in self.points if not point.failed})
-        found = ", ".join(map(str, counts[:8])) + (", ..." if len(counts) > 8 else "")
+        numbers = ", ".join(map(str, counts[:8])) + (", ..." if len(counts) > 8 else "")
         failed = sum(point.failed for point in self.points)
         more = f", {failed} without a result" if failed else ""
-        return f"Sweep({keys} values; {len(self.points)} points done{more}; numbers of solutions: {found or 'none'})"
+        return f"Sweep({keys} values; {len(self.points)} points done{more}; numbers of solutions: {numbers or 'none'})"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -230,10 +230,10 @@ class Sweep(ReprMixin):
         return tuple(axis.values[i] for axis, i in zip(self.axes, point.place, strict=True))
 
     def _grid(self, number: Callable[[SweepPoint], float]) -> Array:
-        found = np.full(self.shape, np.nan)
+        grid = np.full(self.shape, np.nan)
         for point in self.points:
-            found[point.place] = number(point)
-        return found
+            grid[point.place] = number(point)
+        return grid
 
 
 #: A problem for each choice of parameters: a file, or an importable function of their values.
@@ -353,19 +353,19 @@ def sweeping(
         raise ProblemError(
             f"sweep: the problem is {described(problem)}; give the path of a problem file, or a function"
         )
-    places = list(itertools.product(*(range(len(axis.values)) for axis in given)))
+    indices = list(itertools.product(*(range(len(axis.values)) for axis in given)))
     record, done = None, dict[tuple[int, ...], SweepPoint]()
     if options.checkpoint is not None:
-        digest, said = sweep_digest(problem, given, options), {"parameters": list(keys)}
+        digest, head = sweep_digest(problem, given, options), {"parameters": list(keys)}
         record = ResumeLog(
-            options.checkpoint, "sweep", "point", digest, SweepPoint.of_line, said, wanted=options.must_keep
+            options.checkpoint, "sweep", "point", digest, SweepPoint.of_line, head, wanted=options.must_keep
         )
-        among = set(places)
+        among = set(indices)
         done = {point.place: point for point in record if point.place in among}
     tasks = [
-        _Task(place, _values(given, place), keys, source, options.search, options.changes, options.code)
-        for place in places
-        if place not in done
+        _Task(index, _values(given, index), keys, source, options.search, options.changes, options.code)
+        for index in indices
+        if index not in done
     ]
     interrupted = False
     try:
@@ -375,17 +375,17 @@ def sweeping(
                     record.add(point)
                 done[point.place] = point
                 named = ", ".join(f"{k} = {v}" for k, v in zip(keys, _values(given, point.place), strict=True))
-                yield Phase(f"{named}: {_outcome(point)}", len(done) - 1, len(places))
+                yield Phase(f"{named}: {_outcome(point)}", len(done) - 1, len(indices))
                 if (yield SweepEvent(point)):
-                    interrupted = len(done) < len(places)
+                    interrupted = len(done) < len(indices)
                     break
     except KeyboardInterrupt:
         interrupted = True
     unkept = "" if record is None else record.unkept
-    found = Sweep(given, tuple(done[place] for place in places if place in done), interrupted, unkept)
-    if found.complete and all(point.failed for point in found.points):
-        raise ProblemError(f"sweep: no point has a solution; the first: {found.points[0].note}")
-    return found
+    result = Sweep(given, tuple(done[index] for index in indices if index in done), interrupted, unkept)
+    if result.complete and all(point.failed for point in result.points):
+        raise ProblemError(f"sweep: no point has a solution; the first: {result.points[0].note}")
+    return result
 
 
 def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptions) -> str:
@@ -407,19 +407,19 @@ def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptio
 def _axes(axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis]) -> tuple[SweepAxis, ...]:
     """The axes, checked."""
     if isinstance(axes, Mapping):
-        found = tuple(SweepAxis(key, _listed(key, values)) for key, values in axes.items())
+        checked = tuple(SweepAxis(key, _listed(key, values)) for key, values in axes.items())
     else:
         listed: Iterable[object] = expect(axes, Iterable, "the parameters", "give a dict of values by names")
-        found = tuple(expect(axis, SweepAxis, "an axis", "pass SweepAxis(key, values)") for axis in listed)
-    if not found:
+        checked = tuple(expect(axis, SweepAxis, "an axis", "pass SweepAxis(key, values)") for axis in listed)
+    if not checked:
         raise ProblemError("sweep: there is no parameter; give a range, as in contact.bottom.normal.q_max=0:1:21")
-    twice = [axis.key for axis in found if sum(other.key == axis.key for other in found) > 1]
+    twice = [axis.key for axis in checked if sum(other.key == axis.key for other in checked) > 1]
     if twice:
         raise ProblemError(f"sweep: parameter '{twice[0]}' is there twice; give it once")
-    count = math.prod(len(axis.values) for axis in found)
+    count = math.prod(len(axis.values) for axis in checked)
     if count > _MOST_POINTS:
         raise ProblemError(f"sweep: {count} points; take at most {_MOST_POINTS}")
-    return found
+    return checked
 
 
 def _listed(key: str, values: object) -> tuple[object, ...]:
@@ -429,8 +429,8 @@ def _listed(key: str, values: object) -> tuple[object, ...]:
     return tuple(values)
 
 
-def _values(axes: Sequence[SweepAxis], place: Sequence[int]) -> tuple[object, ...]:
-    return tuple(axis.values[i] for axis, i in zip(axes, place, strict=True))
+def _values(axes: Sequence[SweepAxis], index: Sequence[int]) -> tuple[object, ...]:
+    return tuple(axis.values[i] for axis, i in zip(axes, index, strict=True))
 
 
 def _outcome(point: SweepPoint) -> str:
@@ -447,14 +447,14 @@ def _point(task: _Task) -> SweepPoint:
     """The solutions for one choice of parameters."""
     try:
         with one_thread():
-            return _found(task)
+            return _computed(task)
     except HemivarError as error:
         return SweepPoint(task.place, note=str(error), failed=True)
     except MemoryError:
         return SweepPoint(task.place, note="not enough memory", failed=True)
 
 
-def _found(task: _Task) -> SweepPoint:
+def _computed(task: _Task) -> SweepPoint:
     if isinstance(task.source, tuple):
         text, folder, name = task.source
         own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
@@ -464,20 +464,20 @@ def _found(task: _Task) -> SweepPoint:
         takes = "let it take a value of each parameter and return a problem"
         stated = cast(ProblemLike, answer(task.source, task.values, "sweep", takes))
     problem, workspace = as_discrete(stated, "sweep"), Workspace()
-    found = result_of(finding(problem, task.search, workspace))
-    if found.interrupted:
+    solutions = result_of(finding(problem, task.search, workspace))
+    if solutions.interrupted:
         raise KeyboardInterrupt
     near: dict[str, Array] = {}
-    if problem.law.state_dependent and len(found):
-        near = {"displacement": found[0].unknowns, "multiplier": found[0].multiplier}
+    if problem.law.state_dependent and len(solutions):
+        near = {"displacement": solutions[0].unknowns, "multiplier": solutions[0].multiplier}
     constants = smallness(problem, trace_constant=False, workspace=workspace, **near)  # type: ignore[arg-type]
     return SweepPoint(
         task.place,
         float(constants.margin),
-        tuple(float(one.energy) for one in found),
-        tuple("" if one.kind is None else str(one.kind) for one in found),
-        tuple(float(one.penetration.max(initial=-math.inf)) for one in found),
-        tuple(float(one.normal_force) for one in found),
-        found.exhaustive,
-        found.searched,
+        tuple(float(one.energy) for one in solutions),
+        tuple("" if one.kind is None else str(one.kind) for one in solutions),
+        tuple(float(one.penetration.max(initial=-math.inf)) for one in solutions),
+        tuple(float(one.normal_force) for one in solutions),
+        solutions.exhaustive,
+        solutions.searched,
     )

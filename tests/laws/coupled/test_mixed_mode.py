@@ -30,6 +30,7 @@ from hemivar.laws import (
 from hemivar.laws.registry import normal_law
 from hemivar.laws.testing import LawError, check_law
 from hemivar.laws.vector_testing import check_vector_law
+from tests.bodies import glued_plate, opened_point
 from tests.samples import sampled
 
 STRENGTH, ENERGY, STIFFNESS, RATIO = 30.0, 0.5, 1e4, 1.5
@@ -40,6 +41,7 @@ SHAPES: dict[str, Superpotential] = {
     "table": cohesion_table([0.0, 0.001, 0.002, 0.01, 0.02], [0.0, 10.0, 30.0, 20.0, 0.0]),
 }
 
+BILINEAR = MixedMode(SHAPES["bilinear"], RATIO)
 COULOMB = ContactLaw(Signorini(), Tresca(hv.laws.CoulombBound(0.3))).at(None)
 
 
@@ -136,13 +138,6 @@ def test_the_work_to_break_does_not_depend_on_the_way() -> None:
 # ---- a point on springs ---------------------------------------------------------------------------------------
 
 
-def point(springs: float, load: Array, law: MixedMode) -> DiscreteProblem:
-    """A point on two equal springs, opened and sheared by a load."""
-    return DiscreteProblem.of_arrays(
-        springs * np.eye(2), np.array([-load[0], load[1]]), np.eye(2), np.ones(1), np.zeros(1), law
-    )
-
-
 @pytest.mark.parametrize("angle", [0.0, 30.0, 45.0, 90.0])
 def test_a_point_on_stiff_springs_softens_and_breaks_where_it_should(angle: float) -> None:
     law, springs = glue(), 5000.0
@@ -154,24 +149,26 @@ def test_a_point_on_stiff_springs_softens_and_breaks_where_it_should(angle: floa
     elastic = way / (springs + STIFFNESS * np.array([1.0, RATIO**2]))
     onset = first / np.hypot(elastic[0], RATIO * elastic[1])
     free = springs * last / np.hypot(way[0], RATIO * way[1])
-    found = hv.solve(point(springs, onset * way, law))
+    found = hv.solve(opened_point(springs, onset * way, law))
     assert law.effective(found.local)[0] == pytest.approx(first, rel=1e-10)
     assert found.local[0] * [-1.0, 1.0] == pytest.approx(onset * elastic, rel=1e-10)
-    assert hv.solve(point(springs, 1.001 * onset * way, law)).states.names[0][0] != "debonded"
-    assert law.damage(hv.solve(point(springs, 0.999 * onset * way, law)).local)[0] == pytest.approx(0.0, abs=1e-12)
-    assert law.damage(hv.solve(point(springs, 1.001 * onset * way, law)).local)[0] > 0.0
-    broken = hv.solve(point(springs, 1.0001 * free * way, law))
+    assert hv.solve(opened_point(springs, 1.001 * onset * way, law)).states.names[0][0] != "debonded"
+    assert law.damage(hv.solve(opened_point(springs, 0.999 * onset * way, law)).local)[0] == pytest.approx(
+        0.0, abs=1e-12
+    )
+    assert law.damage(hv.solve(opened_point(springs, 1.001 * onset * way, law)).local)[0] > 0.0
+    broken = hv.solve(opened_point(springs, 1.0001 * free * way, law))
     assert law.damage(broken.local)[0] == 1.0
     assert broken.local[0] * [-1.0, 1.0] == pytest.approx(1.0001 * free * way / springs, rel=1e-10)
     assert law.value(broken.local)[0] == pytest.approx(ENERGY, rel=1e-10)
     assert broken.energy == pytest.approx(ENERGY - 0.5 * (1.0001 * free) ** 2 / springs, rel=1e-10)
-    nearly = hv.solve(point(springs, 0.9999 * free * way, law))
+    nearly = hv.solve(opened_point(springs, 0.9999 * free * way, law))
     assert 0.99 < law.damage(nearly.local)[0] < 1.0
     if angle in (0.0, 90.0):  # one mode: a line meets a line
         beta = 1.0 if angle == 0.0 else RATIO
         load = 0.5 * (onset + free)
         rho = beta * (load - beta * fall * last) / (springs - beta**2 * fall)
-        softened = hv.solve(point(springs, load * way, law))
+        softened = hv.solve(opened_point(springs, load * way, law))
         assert law.effective(softened.local)[0] == pytest.approx(rho, rel=1e-10)
         assert softened.states.names[0][0] == ("softening" if angle == 0.0 else "contact")
         assert softened.states.names[1][0] == "slip"
@@ -183,7 +180,7 @@ def test_equal_strengths_and_springs_make_one_mode_of_all() -> None:
     for angle in (30.0, 45.0):
         way = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
         rho = (80.0 - fall * last) / (springs - fall)
-        found = hv.solve(point(springs, 80.0 * way, law))
+        found = hv.solve(opened_point(springs, 80.0 * way, law))
         assert found.local[0] * [-1.0, 1.0] == pytest.approx(rho * way, rel=1e-10)
         assert law.mode_ratio(found.local)[0] == pytest.approx(way[1] ** 2, rel=1e-10)
 
@@ -209,9 +206,9 @@ def test_what_is_bonded_yet_is_pulled_where_floating_point_errors_are_raised() -
 def test_results_do_not_change_with_units() -> None:
     """Newtons and millimetres, and kilonewtons and metres."""
     load = np.array([40.0, 30.0])
-    here = hv.solve(point(2000.0, load, glue()))
+    here = hv.solve(opened_point(2000.0, load, glue()))
     law = MixedMode(BilinearCohesion(STRENGTH * 1e3, ENERGY, STIFFNESS * 1e6), RATIO).at(None)
-    there = hv.solve(point(2000.0 * 1e6, load * 1e3, law))
+    there = hv.solve(opened_point(2000.0 * 1e6, load * 1e3, law))
     assert there.local == pytest.approx(here.local * 1e-3, rel=1e-9)
     assert there.states.names == here.states.names
 
@@ -219,20 +216,9 @@ def test_results_do_not_change_with_units() -> None:
 # ---- bodies -----------------------------------------------------------------------------------------------------
 
 
-def block(law: MixedMode | None = None, load: tuple[float, float] = (12.0, 20.0), cells: int = 2) -> hv.ContactProblem:
-    glued = MixedMode(SHAPES["bilinear"], RATIO) if law is None else law
-    return hv.ContactProblem(
-        hv.rectangle((1.0, 0.5), (2 * cells, cells)),
-        hv.Material.young(3000.0, 0.3),
-        {"bottom": hv.Contact(glued)},
-        {"left": hv.Clamped()},
-        tractions={"top": load},
-    )
-
-
 def test_newton_and_multigrid_agree_on_a_body() -> None:
-    newton = hv.solve(block(cells=4), hv.solvers.NonsmoothNewton())
-    multigrid = hv.solve(block(cells=4), hv.solvers.NonsmoothMultigrid())
+    newton = hv.solve(glued_plate(BILINEAR), hv.solvers.NonsmoothNewton())
+    multigrid = hv.solve(glued_plate(BILINEAR), hv.solvers.NonsmoothMultigrid())
     assert newton.status.name == multigrid.status.name == "CONVERGED"
     assert multigrid.energy == pytest.approx(newton.energy, rel=1e-8)
     assert {"bonded", "softening"} & set(newton.states.names[0])
@@ -240,7 +226,7 @@ def test_newton_and_multigrid_agree_on_a_body() -> None:
 
 
 def test_two_boundaries_may_have_different_laws() -> None:
-    problem = block()
+    problem = glued_plate(BILINEAR, cells=2)
     both = hv.ContactProblem(
         problem.mesh, problem.material,
         {"bottom": hv.Contact(MixedMode(SHAPES["bilinear"], RATIO)), "right": hv.Contact(Signorini(), Tresca(0.4))},
@@ -274,7 +260,7 @@ def test_laws_may_vary_over_the_boundary() -> None:
         return STRENGTH * (1.0 + x[:, 0])
 
     law = MixedMode(BilinearCohesion(strength, ENERGY, STIFFNESS), RATIO)
-    found = hv.solve(block(law))
+    found = hv.solve(glued_plate(law, cells=2))
     assert found.status.name == "CONVERGED"
     resolved = law.at(np.array([[0.0, 0.0], [1.0, 0.0]]))
     assert resolved.strength == pytest.approx([STRENGTH, 2.0 * STRENGTH])

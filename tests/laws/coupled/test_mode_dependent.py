@@ -11,7 +11,6 @@ from scipy.optimize import fsolve
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
     BenzeggaghKenane,
     MixedMode,
@@ -22,6 +21,9 @@ from hemivar.laws import (
 )
 from hemivar.solvers.newton_on_graph import GraphEquation, GraphPoint
 from hemivar.systems.newton_equation import Accuracy
+from tests.bodies import glued_plate, opened_point
+
+PULL = (60.0, 60.0)
 
 #: AS4/PEEK: N, mm, MPa.
 PEEK = BenzeggaghKenane(0.969, 1.719, 2.284)
@@ -129,12 +131,6 @@ def test_a_benzeggagh_kenane_exponent_below_one_has_no_lipschitz_constant() -> N
 # ---- solutions ----------------------------------------------------------------------------------------------
 
 
-def point(springs: float, load: tuple[float, float], law: ModeDependentGlue) -> DiscreteProblem:
-    return DiscreteProblem.of_arrays(
-        springs * np.eye(2), np.array([-load[0], load[1]]), np.eye(2), np.ones(1), np.zeros(1), law
-    )
-
-
 def by_hand(w: float, s: float, ratio: float) -> Array:
     """Tractions of soft glue at the opening w > 0 and the slip s > 0, written out."""
     rho = np.hypot(w, ratio * s)
@@ -150,7 +146,7 @@ def by_hand(w: float, s: float, ratio: float) -> Array:
 def test_a_point_on_springs_is_the_root_of_its_equations(load: tuple[float, float]) -> None:
     law, springs = soft(), 5000.0
     ratio = float(law.ratio[0])
-    found = hv.solve(point(springs, load, law))
+    found = hv.solve(opened_point(springs, load, law))
     assert found.status.name == "CONVERGED"
     w, s = found.local[0] * [-1.0, 1.0]
 
@@ -160,16 +156,6 @@ def test_a_point_on_springs_is_the_root_of_its_equations(load: tuple[float, floa
     assert np.abs(balance(np.array([w, s]))).max() <= 1e-8 * max(load)
     root = fsolve(balance, np.array(load) / (springs + 1e4), xtol=1e-13)
     assert found.local[0] * [-1.0, 1.0] == pytest.approx(root, rel=1e-8)
-
-
-def block(law: ModeDependentGlue, load: tuple[float, float] = (60.0, 60.0), cells: int = 4) -> hv.ContactProblem:
-    return hv.ContactProblem(
-        hv.rectangle((1.0, 0.5), (2 * cells, cells)),
-        hv.Material.young(3000.0, 0.3),
-        {"bottom": hv.Contact(law)},
-        {"left": hv.Clamped()},
-        tractions={"top": load},
-    )
 
 
 @pytest.mark.parametrize(("strength", "shear"), [(0.4, 1.5), (1.2, 0.4)])
@@ -188,8 +174,8 @@ def test_a_chart_is_as_stiff_in_either_direction_as_the_steeper_one_needs(streng
 
 
 def test_a_body_is_solved_by_newtons_method() -> None:
-    found = hv.solve(block(soft()))
-    again = hv.solve(block(soft()), hv.solvers.FixedPoint(hv.solvers.NonsmoothMultigrid(), relaxation=0.8))
+    found = hv.solve(glued_plate(soft(), PULL))
+    again = hv.solve(glued_plate(soft(), PULL), hv.solvers.FixedPoint(hv.solvers.NonsmoothMultigrid(), relaxation=0.8))
     assert found.status.name == again.status.name == "CONVERGED"
     assert found.method == "semismooth-newton"
     assert again.local == pytest.approx(found.local, abs=1e-8 * np.abs(found.local).max())
@@ -203,7 +189,7 @@ def test_a_body_is_solved_by_newtons_method() -> None:
 @pytest.mark.parametrize(("load", "damage"), [((25.0, 25.0), 0.0), ((40.0, 40.0), 0.5), ((50.0, 50.0), 0.8)])
 def test_newtons_equation_contains_the_mode(load: tuple[float, float], damage: float) -> None:
     """In a few rounds it is where the fixed point is after ten times as many looks, condensed or on all unknowns."""
-    problem = hv.discretize(block(soft(), load))
+    problem = hv.discretize(glued_plate(soft(), load))
     fixed = hv.solve(problem, hv.solvers.FixedPoint(hv.solvers.NonsmoothNewton().local_descent()))
     for method in (None, "newton", "multigrid"):
         found = hv.solve(problem, method)
@@ -243,12 +229,12 @@ def test_a_body_that_is_not_linear_keeps_the_fixed_point() -> None:
     )
     found = hv.solve(stated)
     assert found.status.name == "CONVERGED"
-    assert found.method.startswith("fixed-point(")
+    assert found.method.startswith("fixed-opened_point(")
 
 
 def test_a_step_of_newtons_method_across_a_barrier_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """Glue that holds from rest is not found broken, though the broken state is an equilibrium too."""
-    problem, step = point(500.0, (20.0, 1.0), soft()), GraphEquation.step
+    problem, step = opened_point(500.0, (20.0, 1.0), soft()), GraphEquation.step
 
     def leap(self: GraphEquation, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, Array, int] | None:
         far = np.array([[-0.04, 0.002]])
@@ -294,7 +280,7 @@ def test_a_stiff_body_has_a_margin_with_the_lipschitz_constant_in_it() -> None:
     """The coupling is L times the largest eigenvalue of the trace over the stiffness, here L/springs; sampled."""
     law = soft()
     springs = 2.0 * float(law.lipschitz[0])
-    problem = point(springs, (10.0, 10.0), law)
+    problem = opened_point(springs, (10.0, 10.0), law)
     found = hv.certificates.smallness(problem)
     assert found.m_L == pytest.approx(float(law.lipschitz[0]), rel=1e-12)
     assert found.coupling == pytest.approx(0.5, rel=1e-9)
@@ -303,13 +289,13 @@ def test_a_stiff_body_has_a_margin_with_the_lipschitz_constant_in_it() -> None:
     assert found.sampled
     certificate = hv.certify(hv.solve(problem))
     assert certificate.unique is not True
-    assert hv.certify(hv.solve(point(100.0, (10.0, 10.0), law))).margin < 0.0
+    assert hv.certify(hv.solve(opened_point(100.0, (10.0, 10.0), law))).margin < 0.0
 
 
 def test_one_energy_and_strength_for_both_modes_is_mixed_mode() -> None:
     law = ModeDependentGlue(30.0, 30.0, 1e4, BenzeggaghKenane(0.5, 0.5, 2.0))
     one = MixedMode(hv.laws.BilinearCohesion(30.0, 0.5, 1e4))
-    here, there = hv.solve(block(law)), hv.solve(block(one))  # type: ignore[arg-type]
+    here, there = hv.solve(glued_plate(law, PULL)), hv.solve(glued_plate(one, PULL))  # type: ignore[arg-type]
     assert here.local == pytest.approx(there.local, abs=1e-9 * np.abs(there.local).max())
 
 
@@ -317,7 +303,7 @@ def test_laws_may_vary_over_the_boundary() -> None:
     law = ModeDependentGlue(
         lambda x: 30.0 * (1.0 + x[:, 0]), 45.0, 1e4, BenzeggaghKenane(0.5, lambda x: 0.9 + x[:, 0], 2.0)
     )
-    assert hv.solve(block(law)).status.name == "CONVERGED"
+    assert hv.solve(glued_plate(law, PULL)).status.name == "CONVERGED"
     both = law.at(np.array([[0.0, 0.0], [1.0, 0.0]]))
     r = np.array([[-0.01, 0.003], [-0.01, 0.003]])
     for i in range(2):

@@ -12,20 +12,19 @@ from scipy.optimize import brentq, minimize
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
     BilinearCohesion,
     Compliance,
     CoupledFormulaLaw,
     CoupledFunctionLaw,
     MixedMode,
-    OwnCoupledLaw,
     Signorini,
     Tresca,
 )
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.coupled.plane_potential import PlanePotential
 from hemivar.laws.vector_testing import check_vector_law
+from tests.bodies import glued_plate, opened_point
 from tests.samples import sampled
 
 #: Energy, width and ratio of glue whose potential is a Gaussian.
@@ -181,17 +180,11 @@ def test_the_distance_to_the_graph_is_bracketed() -> None:
 # ---- a point on springs, and bodies ---------------------------------------------------------------------------
 
 
-def point(springs: float, load: tuple[float, float], law: OwnCoupledLaw) -> DiscreteProblem:
-    return DiscreteProblem.of_arrays(
-        springs * np.eye(2), np.array([-load[0], load[1]]), np.eye(2), np.ones(1), np.zeros(1), law
-    )
-
-
 @pytest.mark.parametrize("opening", [True, False])
 def test_a_point_on_stiff_springs_is_where_the_scalar_equation_says(opening: bool) -> None:
     springs, load = 12_000.0, 130.0
     beta = 1.0 if opening else BETA
-    found = hv.solve(point(springs, (load, 0.0) if opening else (0.0, load), LAWS["rigid"]()))
+    found = hv.solve(opened_point(springs, (load, 0.0) if opening else (0.0, load), LAWS["rigid"]()))
 
     def misfit(x: float) -> float:
         return springs * x + beta**2 * G / WIDTH**2 * x * float(np.exp(-0.5 * (beta * x / WIDTH) ** 2)) - load
@@ -203,7 +196,7 @@ def test_a_point_on_stiff_springs_is_where_the_scalar_equation_says(opening: boo
 
 def test_the_margin_claims_uniqueness_within_the_reach() -> None:
     law = LAWS["rigid"]()
-    stiff = hv.solve(point(50_000.0, (30.0, 20.0), law))
+    stiff = hv.solve(opened_point(50_000.0, (30.0, 20.0), law))
     certificate = hv.certify(stiff)
     assert certificate.margin > 0.5
     assert certificate.smallness.within
@@ -213,25 +206,15 @@ def test_the_margin_claims_uniqueness_within_the_reach() -> None:
 def test_a_small_body_on_a_convex_law_is_solved_by_default() -> None:
     """Springs and a quadratic law: a linear equation, from rest and from elsewhere."""
     law = CoupledFormulaLaw("1e3*r^2 + 500*s^2", reach=0.1)
-    problem = point(1000.0, (12.0, 8.0), law)
+    problem = opened_point(1000.0, (12.0, 8.0), law)
     exact = np.array([[-12.0 / 3000.0, 8.0 / 2000.0]])
     for start in (None, np.array([0.05, -0.03])):
         assert hv.solve(problem, initial=start).local == pytest.approx(exact, rel=1e-10)
 
 
-def block(law: OwnCoupledLaw | MixedMode) -> hv.ContactProblem:
-    return hv.ContactProblem(
-        hv.rectangle((1.0, 0.5), (8, 4)),
-        hv.Material.young(3000.0, 0.3),
-        {"bottom": hv.Contact(law)},
-        {"left": hv.Clamped()},
-        tractions={"top": (12.0, 20.0)},
-    )
-
-
 @pytest.mark.parametrize("method", [hv.solvers.NonsmoothNewton(), hv.solvers.NonsmoothMultigrid()])
 def test_a_body_on_the_formula_is_that_on_mixed_mode(method: hv.solvers.Solver) -> None:
-    here, there = hv.solve(block(LAWS["bilinear"]()), method), hv.solve(block(mixed()), method)
+    here, there = hv.solve(glued_plate(LAWS["bilinear"]()), method), hv.solve(glued_plate(mixed()), method)
     assert here.status.name == there.status.name == "CONVERGED"
     assert here.energy == pytest.approx(there.energy, rel=1e-8)
     assert here.local == pytest.approx(there.local, abs=1e-7 * np.abs(there.local).max())
@@ -251,9 +234,9 @@ def test_a_block_in_space() -> None:
 
 def test_results_do_not_change_with_units() -> None:
     """Newtons and millimetres, and kilonewtons and metres."""
-    here = hv.solve(point(12_000.0, (40.0, 50.0), LAWS["rigid"]()))
+    here = hv.solve(opened_point(12_000.0, (40.0, 50.0), LAWS["rigid"]()))
     law = CoupledFormulaLaw("0.5*(1 - exp(-(r^2 + 4*s^2)/2e-10))", reach=1e-4, rigid=True)
-    there = hv.solve(point(12_000.0 * 1e6, (40.0 * 1e3, 50.0 * 1e3), law))
+    there = hv.solve(opened_point(12_000.0 * 1e6, (40.0 * 1e3, 50.0 * 1e3), law))
     assert there.local == pytest.approx(here.local * 1e-3, rel=1e-8)
 
 
@@ -320,7 +303,7 @@ def test_what_resists_at_rest_is_no_more_than_the_law_gives() -> None:
 def test_signorini_is_a_formula_too() -> None:
     """Rigid contact with Tresca friction as a coupled formula: the same solution as of the laws by name."""
     pressed = {"tractions": {"top": (6.0, -20.0)}}
-    plain = block(mixed())
+    plain = glued_plate(mixed())
     both = [
         hv.solve(hv.ContactProblem(plain.mesh, plain.material, {"bottom": contact}, plain.supports, **pressed))  # type: ignore[arg-type]
         for contact in (
