@@ -68,7 +68,7 @@ def test_what_is_nearly_a_multiple_is_none(off: float, which: int) -> None:
 
 
 def test_every_entry_is_looked_at_in_portions_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(operators, "_PORTION", 7)
+    monkeypatch.setattr(operators, "PORTION", 7)
     discrete = discretize_evolution(of_material(hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.4, 0.4))))
     stiffness, viscosity = discrete.stiffness, discrete.viscosity
     assert viscosity is not None

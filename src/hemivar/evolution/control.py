@@ -59,15 +59,16 @@ _STANDS, _STILL = 1e-12, 1e-7
 _MET = 1e-6
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
-#: How far a step goes beyond where the last one leads, at most.
+#: How far a step goes beyond where the last one leads, at most. The tests of this control pass with 2 and with 10.
 _AHEAD = 4.0
 #: By how much the load factor may fall in a step, in units of its length, and how often a step is cut for that.
 _FALLS, _CUTS = 1.1, 4
-#: How far pairs are taken outward for a guess.
+#: How far pairs are taken outward for a guess. With two of them steps no longer lead over every peak of the tests.
 _OUTWARD = (1e-6, 1e-3, 1e-2, 5e-2, 0.2)
 #: Parts of the load of a first opening, as if the body were linear, by which its direction is sought.
 _SMALL = tuple(10.0**-k for k in range(1, 5))
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
+#: The tests pass with 0.8 for the first as well.
 _LEAST, _MOST = 0.5, 2.5
 #: Its multiples, less whole numbers, fill an interval evenly and meet no period of a load.
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -33,14 +33,16 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution.barrier import path_bends_downwards
 from hemivar.evolution.discrete import KEPT
+from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
+from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import BoundaryLaw
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Solution
 from hemivar.systems.elimination import SchurComplement
 
-__all__ = ["Margins", "StepError", "crosses_energy_barrier", "step_error"]
+__all__ = ["Margins", "StepError", "step_error", "with_jump_loss"]
 
 #: Unknowns up to which the largest step is looked for, and how near it is found.
 _SMALL = 20_000
@@ -51,13 +53,25 @@ _PARTS, _WIDEST, _FARTHEST = 70, 24, 96
 _BYTES = 1 << 25
 
 
-def crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
+def _crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
     """Whether a body without viscosity and mass left its equilibrium at once in a step."""
     stages = stepper.stages
     return not stages.resists and any(
         stages.convexity_defect(stage) >= 0.0 and path_bends_downwards(stage.problem, solution, stage.start)
         for stage, solution in zip(taken.stages, taken.solutions, strict=True)
     )
+
+
+def with_jump_loss(stepper: TimeStepper, taken: StepResult, rule: SelectionRule) -> tuple[StepResult, bool]:
+    """Whether the body jumped; with what it lost, beside what a law that changed took from what was stored."""
+    known = taken.jumps or taken.state.control is not None or rule.follows
+    if known or not _crosses_energy_barrier(stepper, taken):
+        return taken, bool(taken.jumps)
+    before, ledger = taken.before, taken.state.ledger
+    weakened = before.ledger.contact - energies(stepper.discrete, before, taken.stages[-1].law)["contact"]
+    lost = max(ledger.numerical - before.ledger.numerical - weakened, 0.0)
+    ledger = replace(ledger, numerical=ledger.numerical - lost, jumps=ledger.jumps + lost)
+    return replace(taken, state=replace(taken.state, ledger=ledger)), True
 
 
 @dataclass(frozen=True)

@@ -29,14 +29,13 @@ from hemivar.evolution.initial_equilibrium import (
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import OnEvent
 from hemivar.evolution.march_state import Checkpoint, MarchState, misfit
-from hemivar.evolution.margin import Margins, crosses_energy_barrier, step_error
+from hemivar.evolution.margin import Margins, step_error, with_jump_loss
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import Frames, contact_forces, large_deformation, probed
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
-from hemivar.evolution.step_end import energies
 from hemivar.evolution.stepper import StepResult, TimeStepper
-from hemivar.evolution.steps import StepSizeState
+from hemivar.evolution.steps import StepSizeState, fitted_step, step_ends
 from hemivar.evolution.thermal_stepper import stepper_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
 from hemivar.mechanics.foundation import Contact
@@ -149,7 +148,7 @@ class TimeLoop:
         self.doubts += findings.doubts_of_scheme(discrete, plan.scheme)
         if discrete.problem.idle is not None:
             self.doubts += (f"at t = {self.start:g} {discrete.problem.idle}",)
-        self.ends = _ends(plan, self.start, () if controlled else kinks)
+        self.ends = step_ends(plan.stops, plan.until, self.start, () if controlled else kinks)
         self.instantaneous = has_instantaneous_part(discrete)
         self.no_equilibrium: StepResult | None = None
         self.identity = ""
@@ -245,7 +244,7 @@ class TimeLoop:
         return replace(begin, history=None) if self.plan.scheme.multistep else begin
 
     def _fitted(self, time: float, goal: float) -> tuple[float, float]:
-        return _fitted(self.step_size.step, time, goal, self.discrete.evolution.start)
+        return fitted_step(self.step_size.step, time, goal, self.discrete.evolution.start)
 
     def _tried(self, begin: TimeState, goal: float) -> _Tried | Status:
         """The first of ever shorter steps that can be solved and is exact enough; else why there is none."""
@@ -332,7 +331,7 @@ class TimeLoop:
                     f"could not be computed: {taken.remedy}"
                 )
             return None
-        taken, jumped = self._jumped(taken)
+        taken, jumped = with_jump_loss(self.stepper, taken, SelectionRule(self.plan.jump))
         if jumped:
             self.note(*findings.jump(self.plan, taken, self.margins.margin(taken)))
         if taken.jumps or taken.state.ledger.jumps == state.ledger.jumps:
@@ -347,7 +346,7 @@ class TimeLoop:
     def accept(self, taken: StepResult, happened: tuple[str, ...]) -> StepEvent:
         """Book a step."""
         margin = self.margins.margin(taken)
-        taken, jumped = self._jumped(taken)
+        taken, jumped = with_jump_loss(self.stepper, taken, SelectionRule(self.plan.jump))
         at_stop = not taken.before.index or taken.before.time in self.stops
         self.note(*findings.of_step(self.stepper, self.plan, taken, margin, jumped, at_stop))
         self.bound.add(taken)
@@ -361,17 +360,6 @@ class TimeLoop:
         frame = self.frames.offer(self.discrete, self.state, last=last or bool(happened))
         done = (self.state.time - self.start) / (self.plan.until - self.start)
         return StepEvent(self.rows[-1], frame, self.state, done, happened, earlier)
-
-    def _jumped(self, taken: StepResult) -> tuple[StepResult, bool]:
-        """Whether the body jumped; with what it lost, beside what a law that changed took from what was stored."""
-        known = taken.jumps or taken.state.control is not None or SelectionRule(self.plan.jump).follows
-        if known or not crosses_energy_barrier(self.stepper, taken):
-            return taken, bool(taken.jumps)
-        before, ledger = taken.before, taken.state.ledger
-        weakened = before.ledger.contact - energies(self.discrete, before, taken.stages[-1].law)["contact"]
-        lost = max(ledger.numerical - before.ledger.numerical - weakened, 0.0)
-        ledger = replace(ledger, numerical=ledger.numerical - lost, jumps=ledger.jumps + lost)
-        return replace(taken, state=replace(taken.state, ledger=ledger)), True
 
     def _earlier(self) -> tuple[tuple[int, Frame], ...]:
         numbers = {row.time: number for number, row in enumerate(self.rows)}
@@ -476,24 +464,3 @@ class TimeLoop:
         steps = sum(solution.steps for solution in taken.solutions)
         largest = self.margins.largest_step(taken)
         return Row(state.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
-
-
-def _ends(plan: March, start: float, kinks: tuple[float, ...]) -> list[float]:
-    """Where steps end exactly: stops as they were named, kinks that lie apart from them, and the end."""
-    named = sorted({float(stop) for stop in plan.stops if start < stop < plan.until} | {float(plan.until)})
-    near = 1e-9 * (plan.until - start)
-    return sorted({*named, *(kink for kink in kinks if all(abs(kink - stop) > near for stop in named))})
-
-
-def _fitted(step: float, time: float, goal: float, start: float) -> tuple[float, float]:
-    """A step that meets a stop: its length and where it ends.
-
-    Steps from the start on end at multiples of their length, not at a sum that gathers rounding: a run that was
-    interrupted goes on at the same times.
-    """
-    rest = goal - time
-    if rest <= step * (1.0 + 1e-6):
-        return (rest if abs(rest - step) > 1e-9 * step else step), goal
-    number = round((time + step - start) / step)
-    even = start + number * step
-    return step, even if abs(even - time - step) <= 1e-9 * step else time + step

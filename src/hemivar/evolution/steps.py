@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from hemivar.basics.arguments import number
 from hemivar.basics.stated import Form, stated
 from hemivar.errors import ProblemError
 
-__all__ = ["AdaptiveStep", "FixedStep", "StepSizeController", "StepSizeState"]
+__all__ = ["AdaptiveStep", "FixedStep", "StepSizeController", "StepSizeState", "fitted_step", "step_ends"]
 
 #: Steps are this many halvings below the first one at most, unless a least step is given.
 _HALVINGS = 20
@@ -187,3 +188,24 @@ class AdaptiveStep(StepSizeController):
             if (self.least is None or step >= self.least * (1.0 - 1e-9)) and step_size.rung - down >= -_HALVINGS:
                 return StepSizeState(step, step_size.rung - down, 2)
         return None
+
+
+def step_ends(stops: Iterable[float], until: float, start: float, kinks: tuple[float, ...]) -> list[float]:
+    """Where steps end exactly: stops as they were named, kinks that lie apart from them, and the end."""
+    named = sorted({float(stop) for stop in stops if start < stop < until} | {float(until)})
+    near = 1e-9 * (until - start)
+    return sorted({*named, *(kink for kink in kinks if all(abs(kink - stop) > near for stop in named))})
+
+
+def fitted_step(step: float, time: float, goal: float, start: float) -> tuple[float, float]:
+    """A step that meets a stop: its length and where it ends.
+
+    Steps from the start on end at multiples of their length, not at a sum that gathers rounding: a run that was
+    interrupted goes on at the same times.
+    """
+    rest = goal - time
+    if rest <= step * (1.0 + 1e-6):
+        return (rest if abs(rest - step) > 1e-9 * step else step), goal
+    number = round((time + step - start) / step)
+    even = start + number * step
+    return step, even if abs(even - time - step) <= 1e-9 * step else time + step
