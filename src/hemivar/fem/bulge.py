@@ -248,8 +248,8 @@ class _Net:
     def _fitted(self, normals: Array, node: IntArray, other: IntArray) -> tuple[Array, Array]:
         """Normals (n, d) and curvatures (n, d, d) at nodes (c,) by others (c,), of heights along normals (n, d).
 
-        ``height (t . t)/(way . way) = slope . t + curvature (t . t)/2``: along their own normals nodes of a circle or a
-        sphere have its curvature exactly.
+        ``height (t . t)/(chord . chord) = slope . t + curvature (t . t)/2``: along their own normals nodes of a circle
+        or a sphere have its curvature exactly.
         """
         chord, (count, dim) = self.points[other] - self.points[node], normals.shape
         tangents = np.linalg.svd(normals[:, None])[2][:, 1:]

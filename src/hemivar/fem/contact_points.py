@@ -420,7 +420,7 @@ class _Site:
 def _joint(problem: ContactProblem, name: str, fixed: BoolArray, taken: BoolArray) -> _Site:
     """The nodes of the slave of two bodies.
 
-    ``held (nodes,)`` are those whose values supports prescribe, ``taken (nodes,)`` those of contact with foundations:
+    ``fixed (nodes,)`` are those whose values supports prescribe, ``taken (nodes,)`` those of contact with foundations:
     both leave the joint to the nodes beside them, where there are some.
     """
     mesh, sides, title = problem.mesh, problem.pair(name), _called(problem, name)
@@ -609,7 +609,7 @@ def frames_of(normal: Array) -> Array:
 def adapted(frames: Array, fixed: Array, count: IntArray) -> tuple[Array, BoolArray]:
     """Turn tangents to what supports leave free, and mark rows that depend on a row before them.
 
-    ``held (k, d, d)`` are orthonormal directions that supports hold, of which ``count (k,)`` are not zero.
+    ``fixed (k, d, d)`` are orthonormal directions that supports hold, of which ``count (k,)`` are not zero.
     """
     frames = frames.copy()
     normal = frames[:, 0]

@@ -40,8 +40,8 @@ class DirectedMatrix:
         seen = np.unique(rows.indices).astype(np.int64)
         schur = factorise(sp.csr_array(self.matrix), seen).schur
         on_seen = rows[:, seen].toarray()
-        found = on_seen @ la.solve(schur, on_seen.T, assume_a="sym")
-        return np.asarray(0.5 * (found + found.T))
+        compliance = on_seen @ la.solve(schur, on_seen.T, assume_a="sym")
+        return np.asarray(0.5 * (compliance + compliance.T))
 
     def rows(self, nodes: IntArray, weights: Array) -> sp.csr_array:
         """The matrix (rows, n) of ``sum over q and i of weights[..., q, i] u_i(nodes[..., q])``.
@@ -60,7 +60,7 @@ class DirectedMatrix:
 def directed_matrix(blocks: Array, nodes: IntArray, fixed: Array) -> DirectedMatrix:
     """Sum up blocks.
 
-    Shapes: ``blocks`` (M, k d, k d), ``nodes`` (M, k), ``held`` (N, d, d).
+    Shapes: ``blocks`` (M, k d, k d), ``nodes`` (M, k), ``fixed`` (N, d, d).
     """
     count, dim = fixed.shape[:2]
     touched: BoolArray = np.asarray(fixed.any(axis=(1, 2)))

@@ -86,7 +86,7 @@ class FormBody:
     _matrix: sp.csr_array = field(init=False, repr=False)
     _in_time: Mapping[str, sp.csr_array] = field(init=False, repr=False)
     _loads: Array = field(init=False, repr=False)
-    _held: BoolArray = field(init=False, repr=False)
+    _fixed: BoolArray = field(init=False, repr=False)
     _values: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -104,7 +104,7 @@ class FormBody:
         given = [name for name in ("mass", "viscosity") if getattr(self, name) is not None]
         object.__setattr__(self, "_in_time", {name: self._assembled(name) for name in given})
         object.__setattr__(self, "_loads", load)
-        object.__setattr__(self, "_held", fixed)
+        object.__setattr__(self, "_fixed", fixed)
         object.__setattr__(self, "_values", values)
 
     @property
@@ -120,7 +120,7 @@ class FormBody:
     @property
     def free(self) -> IntArray:
         """Numbers of the unknowns that no support holds."""
-        return np.flatnonzero(~self._held)
+        return np.flatnonzero(~self._fixed)
 
     def _assembly(self, name: str, kind: type[ScikitFem]) -> ScikitFem:
         """What a form, an array or a matrix of this name is on the basis."""
@@ -149,7 +149,7 @@ class FormBody:
 
     def _prescribed(self, time: float | None = None) -> tuple[BoolArray, Array]:
         """Which unknowns supports hold, and at what values; what depends on time counts as 0 without one."""
-        fixed = _Held(self.basis)
+        fixed = _FixedUnknowns(self.basis)
         for name, parts in self.stated():
             dofs = self.basis.get_dofs(self.facets(name, "supports"))
             for part, value in parts.items():
@@ -157,15 +157,15 @@ class FormBody:
                 what = f"supports['{name}']" + (f"['{part}']" if part else "")
                 known = value if time is None else at_time(value, time)
                 if depends_on_time(known):
-                    fixed.hold(numbers, what, np.full(numbers.size, np.nan))
+                    fixed.fix(numbers, what, np.full(numbers.size, np.nan))
                     continue
                 if callable(known):
                     places = self.basis.doflocs[:, numbers]
                     known = answer(known, (places,), what, f"give a function of places, shape {places.shape}")
-                fixed.hold(numbers, what, _one_each(known, numbers.size, what))
+                fixed.fix(numbers, what, _one_each(known, numbers.size, what))
         further = _numbers(self.fixed, int(self.basis.N))
-        fixed.hold(further, "fixed", np.zeros(further.size))
-        return fixed.held, np.nan_to_num(fixed.values)
+        fixed.fix(further, "fixed", np.zeros(further.size))
+        return fixed.fixed, np.nan_to_num(fixed.values)
 
     def stated(self) -> Iterator[tuple[str, Mapping[str, object]]]:
         """What supports prescribe, by boundary and by the name of unknowns, empty for all of them."""
@@ -395,7 +395,7 @@ class FormProblem(PickleMixin):
             A mass or viscosity is not symmetric, or negative.
         """
         body = self.body
-        fixed = body._held
+        fixed = body._fixed
         moving = fixed if "supports" in self.time_dependent else fixed & (body._prescribed(0.0)[1] != 0.0)
         dofs = np.flatnonzero(moving)
         stated = {"form": body._matrix, **body._in_time}
@@ -455,17 +455,17 @@ def _check_basis(basis: ScikitFem) -> None:
         raise ProblemError("basis does not know the places of its unknowns; make it without disable_doflocs=True")
 
 
-class _Held:
+class _FixedUnknowns:
     """Unknowns of a basis that are held, accumulated support by support; nan is a value that is not known yet."""
 
     def __init__(self, basis: ScikitFem) -> None:
         self.basis = basis
-        self.held, self.values = np.zeros(int(basis.N), dtype=bool), np.zeros(int(basis.N))
+        self.fixed, self.values = np.zeros(int(basis.N), dtype=bool), np.zeros(int(basis.N))
         self.owner, self.names = np.zeros(int(basis.N), dtype=np.int64), [""]
 
-    def hold(self, numbers: IntArray, name: str, values: Array) -> None:
+    def fix(self, numbers: IntArray, name: str, values: Array) -> None:
         """Hold unknowns (k,) at values (k,); refuse other ones than those of a support before."""
-        apart = np.where(self.held[numbers], np.abs(values - self.values[numbers]), 0.0)
+        apart = np.where(self.fixed[numbers], np.abs(values - self.values[numbers]), 0.0)
         largest = max(float(np.nanmax(np.abs(part), initial=0.0)) for part in (values, self.values))
         conflict = np.flatnonzero(apart > 1e-9 * largest)
         if conflict.size:
@@ -477,7 +477,7 @@ class _Held:
             )
         self.owner[numbers] = len(self.names)
         self.names.append(name)
-        self.held[numbers], self.values[numbers] = True, values
+        self.fixed[numbers], self.values[numbers] = True, values
 
 
 def _unknowns(dofs: ScikitFem, name: str, part: str) -> IntArray:

@@ -45,7 +45,7 @@ def linear_response(field: Field, stiffness: sp.csr_array, force: Array) -> Arra
 def _springs(contact: ContactPoints, law: VectorLaw, rest: Array, response: Array) -> sp.csr_array:
     """Stiffness (n, n) of the foundation at local displacements (m, c), to the side to which points go, where positive.
 
-    ``way (m, c)`` is where they go without it.
+    ``response (m, c)`` is where they go without it.
     """
     beside = rest.copy()
     beside[:, 0] += _BESIDE * np.maximum(np.abs(response[:, 0]), np.abs(rest[:, 0])) * np.sign(response[:, 0])

@@ -147,7 +147,7 @@ def unit(vectors: Array) -> Array:
 
 
 def movable(vectors: Array, fixed: Array) -> Array:
-    """Part of vectors (k, c, d) orthogonal to the orthonormal rows of held (k, q, d), which may be zero."""
+    """Part of vectors (k, c, d) orthogonal to the orthonormal rows of ``fixed`` (k, q, d), which may be zero."""
     along = np.einsum("kcd,kqd->kcq", vectors, fixed)
     return np.asarray(vectors - np.einsum("kcq,kqd->kcd", along, fixed))
 
