@@ -1,4 +1,4 @@
-"""Stiffness and mass by nodes and edges, and load vectors, of fields of c components and elements of order 1 or 2.
+"""Assembly of stiffness (blocks of nodes and edges) and load vectors, for c components and elements of order 1 or 2.
 
 The degree of freedom of component i at node k is ``k c + i``. Nodes of order 2 are the vertices and then the edge
 midpoints of the mesh.

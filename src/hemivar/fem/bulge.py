@@ -1,4 +1,4 @@
-"""How far the arcs deviate from the facets that stand for them.
+"""Curved geometry: how far the arcs through the nodes deviate from the flat facets that stand for them.
 
 Where facets follow each other at small angles the mesh replaces a curve by its chords.  Along an edge of length h an
 arc of curvature k is off by ``k h^2 xi (1 - xi)/2``.  The curvature at a node is that of the parabola, in space of the

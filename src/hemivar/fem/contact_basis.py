@@ -1,4 +1,4 @@
-"""The basis in which contact sees a displacement of order 2 in space.
+"""Basis functions of contact with positive integrals (lumped weights), also for quadratic facets in space.
 
 The integrals of the quadratic functions of the corners of a triangle vanish.  With a part of those of the middles
 beside, ``phi_v + alpha sum phi_e`` at corners and ``(1 - 2 alpha) phi_e`` at middles, all are positive (Popp, Wohlmuth,

@@ -1,4 +1,4 @@
-"""From the contact boundaries of a statement to contact points in terms of the unknowns."""
+"""Contact points (collocation at nodes or midpoints, trace operator B): from the boundaries of a statement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Matrices of element blocks in directions of every node, some of which are held."""
+"""Matrices of element blocks in rotated nodal directions, some of which supports fix (Dirichlet)."""
 
 from __future__ import annotations
 

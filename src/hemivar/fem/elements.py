@@ -1,4 +1,4 @@
-"""Shape functions of Lagrange triangles and tetrahedra in barycentric coordinates."""
+"""Shape functions of Lagrange triangles and tetrahedra, in barycentric coordinates."""
 
 from __future__ import annotations
 

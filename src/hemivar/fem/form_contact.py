@@ -1,4 +1,4 @@
-"""Contact points of a body of forms: what touches at the points of a rule, and what of it is free to move."""
+"""Contact points of a body of bilinear forms: traces at quadrature points or nodes, and what of them is free."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The field of a basis of scikit-fem, over a mesh of simplices between its nodes: for pictures, files and time.
+"""Field of a scikit-fem basis on simplices between its nodes (nodal interpolation): for pictures, files and time.
 
 Elements of order 1 and 2 on triangles and tetrahedra keep their order.  Quadrilaterals and hexahedra are split between
 their nodes into simplices of order 1, alike on both sides of a face: values at nodes are exact.

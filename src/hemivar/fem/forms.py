@@ -1,4 +1,4 @@
-"""A body by any basis and form of scikit-fem: supports, contact at nodes or quadrature points, mixed bodies."""
+"""Bodies by any basis and bilinear form of scikit-fem: supports, contact at nodes or quadrature points, mixed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the unknowns of a body that is not linear begin: prescribed displacements, carried on into the body.
+"""Dirichlet lift: prescribed displacements carried on into a nonlinear body, from which its unknowns count.
 
 Zero inside and displaced at the supports is a strain that grows without bound as the mesh is refined.  The rest state
 is that of the linear body without strain instead, on springs as stiff as the foundation is at rest, under the

@@ -1,4 +1,4 @@
-"""Bodies with constraints, condensed to the unknowns that contact sees."""
+"""Saddle-point bodies (constraints), condensed by a Schur complement to the unknowns that contact sees."""
 
 from __future__ import annotations
 
@@ -33,25 +33,13 @@ class MixedBulk(Quadratic):
     Its energy is the least ``1/2 u'A u - f'u`` under ``D u = g``, or with the compliance S of the constraints.  What is
     left after the factorisation of the whole symmetric indefinite matrix apart from the kept unknowns is a dense
     stiffness on these, which must be positive definite: it is so where A is on the kernel of D.
-
-    Attributes
-    ----------
-    kept : int array (k,)
-        The unknowns of the body that are left.
-    others : int array (n - k,)
-    coupling : sparse array (n - k, k)
-        Rows of the others, columns of the kept ones.
-    load : array (n,)
-        Of the whole body.
-    inner : sparse array (n - k, n - k)
-        Of the others.
     """
 
-    kept: IntArray = field(kw_only=True)
-    others: IntArray = field(kw_only=True)
-    coupling: sp.csr_array = field(kw_only=True)
-    load: Array = field(kw_only=True)
-    inner: sp.csc_array = field(kw_only=True)
+    kept: IntArray = field(kw_only=True)  # (k,), the unknowns that are left
+    others: IntArray = field(kw_only=True)  # (n - k,)
+    coupling: sp.csr_array = field(kw_only=True)  # (n - k, k), rows of the others
+    load: Array = field(kw_only=True)  # (n,)
+    inner: sp.csc_array = field(kw_only=True)  # (n - k, n - k)
 
     @staticmethod
     def of(matrix: sp.csr_array, load: Array, kept: IntArray) -> MixedBulk:

@@ -1,4 +1,4 @@
-"""Unknowns that are jumps between bodies, in the place of displacements of the slaves of mortar projections.
+"""Change of basis of mortar contact: jumps between bodies in the place of displacements of slave nodes.
 
 A contact point of two bodies sees a node of the slave and nodes of the master.  Counted from where the master takes it,
 the displacement of the slave's node is the jump itself: with these unknowns each contact point sees one, as on a

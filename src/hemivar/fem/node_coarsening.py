@@ -1,4 +1,4 @@
-"""A coarser discrete problem where no coarser mesh is known: some of the nodes, and what interpolates between them.
+"""Meshless coarsening (moving least squares): some of the nodes, and what interpolates between them.
 
 A maximal independent set of the nodes is kept, those of contact boundaries and of edges and corners first.  What lies
 between them follows by moving least squares, which reproduce linear displacements; on a contact boundary by the nodes

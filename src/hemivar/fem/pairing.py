@@ -1,4 +1,4 @@
-"""Which facets of two boundaries touch: for each place of the slave the first facet of the master along its normal.
+"""Contact search and segmentation: for each place of the slave the first facet of the master along its normal.
 
 Ahead the way ends where it meets any part of the mesh, behind at the other side of the slave's own body.  So a place
 finds what it faces however far that is, and however deep the bodies overlap; of two layers the nearer one counts.

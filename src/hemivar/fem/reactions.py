@@ -1,4 +1,4 @@
-"""Reactions of supports: the forces that hold a body where its supports hold it."""
+"""Reactions of supports: the nodal residual (internal forces less loads) where Dirichlet conditions hold the body."""
 
 from __future__ import annotations
 
@@ -37,22 +37,6 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
 
     A node of several supports is counted direction by direction, in the order in which the supports are stated: each
     takes the force along what it fixes and none before it has fixed.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        From :func:`discretize`.
-    displacement : array, shape (nodes, c)
-    multiplier : array, shape (m, local components)
-
-    Returns
-    -------
-    dict of support name to array, shape (c,)
-
-    Raises
-    ------
-    ProblemError
-        The problem was made of arrays, or its load is not the one that was stated.
     """
     stated, field = problem.origin, problem.field
     if stated is None or field is None:

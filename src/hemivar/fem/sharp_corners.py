@@ -1,4 +1,4 @@
-"""Nodes at sharp corners of a boundary that touches on both sides of them: they belong to the side that is nearer.
+"""Slave nodes at sharp corners (discontinuous normals): they belong to the side that is nearer.
 
 One normal cannot stand for both sides.  The other side hands the share of the node on to its other nodes.
 """

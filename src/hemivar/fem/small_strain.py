@@ -1,5 +1,4 @@
-"""Whether a displacement is one of small strains, which linear elasticity assumes: largest strain and rotation, and
-what the stress of the load adds to the stiffness."""
+"""Validity of small strains: largest strain and rotation, and geometric stiffness beside the elastic one."""
 
 from __future__ import annotations
 

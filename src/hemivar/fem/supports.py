@@ -1,4 +1,4 @@
-"""Supports: fixed directions and prescribed displacements of the nodes, and the unknowns they leave."""
+"""Supports (Dirichlet conditions): fixed directions and prescribed displacements of the nodes."""
 
 from __future__ import annotations
 

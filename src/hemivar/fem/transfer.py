@@ -1,4 +1,4 @@
-"""Evaluation of finite element fields at arbitrary points, on other meshes for instance."""
+"""Point location and interpolation of finite element fields at arbitrary points, on other meshes for instance."""
 
 from __future__ import annotations
 
@@ -81,22 +81,7 @@ def beside_nodes(mesh: Mesh, target: Field | Mesh) -> Array | None:
 
 
 def interpolation_matrix(mesh: Mesh, order: int, points: Array, inside: Array | None = None) -> sp.csr_array:
-    """Matrix of the shape functions at points.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    order : int
-        1 or 2.
-    points : array, shape (k, d)
-    inside : array, shape (k, d), optional
-        Places near the points that say in which cells they are looked for; the points themselves by default.
-
-    Returns
-    -------
-    sparse array, shape (k, nodes)
-        Its rows sum to one.
-    """
+    """Shape functions at points (k, d), sought at places ``inside`` (k, d) near them; (k, nodes), rows sum to one."""
     cells, barycentric = locate(mesh, points if inside is None else inside)
     if inside is not None:
         barycentric += np.einsum("kbd,kd->kb", barycentric_gradients(mesh)[cells], points - inside)

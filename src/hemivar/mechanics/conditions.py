@@ -1,4 +1,4 @@
-"""Supports and loads of a body."""
+"""Boundary conditions and loads of a body: Dirichlet supports, tractions (Neumann), and checked data fields."""
 
 from __future__ import annotations
 

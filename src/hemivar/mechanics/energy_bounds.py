@@ -1,4 +1,4 @@
-"""Bounds of the tangent of a stored energy: by intervals, or at strains that are tried."""
+"""Bounds of the tangent (convexity) of a stored energy: by interval arithmetic, or sampled at strains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a foundation does to a body: laws, where it stands, and what contact points remember."""
+"""Contact conditions: the laws of a foundation or another body, where it stands, and memory of contact points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantities that depend on time, and what they are at one time.
+"""Time-dependent data, and what they are at one time.
 
 A formula depends on time if ``t`` occurs in it, a Python function if it takes two arguments, ``(x, t)``.  At one time
 it is a function of the place alone, as statics knows it.

@@ -1,4 +1,4 @@
-"""A conformance kit: is a material, one of your own too, consistent with itself?
+"""Conformance kit for materials: derivatives, symmetry and convexity of a material, also one of your own.
 
 from hemivar.mechanics import check_material
 check_material(Material.potential(...))

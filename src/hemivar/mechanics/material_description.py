@@ -21,35 +21,19 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class MaterialDescription:
-    """A material at one point; ``str()`` writes it out.
-
-    Attributes
-    ----------
-    name : str
-    formula : str
-        The stress, or the stored energy W.
-    constants : mapping of name to text
-    linear : bool
-    lower, upper : array (v, v) or None
-        C_low and C_up, tensors below and above the tangent at every strain up to the reach; None where constants
-        vary and no point was given.
-    bounds_by : BoundsBy
-        How they were found.
-    reach : float
-        The size ``|eps|`` of the strain in space up to which they hold; inf where they hold at every strain.
-    parts : mapping of region to MaterialDescription
-        For different materials in regions: of them all that is said above is the name.
-    """
+    """A material at one point; ``str()`` writes it out."""
 
     name: str
-    formula: str = ""
+    formula: str = ""  # the stress, or the stored energy W
     constants: Mapping[str, str] = field(default_factory=dict)
     linear: bool = True
+    #: C_low and C_up (v, v), below and above the tangent at every strain up to the reach; None where constants vary and
+    #: no point was given.
     lower: Array | None = None
     upper: Array | None = None
     bounds_by: BoundsBy = BoundsBy.CLOSED_FORM
-    reach: float = math.inf
-    parts: Mapping[str, MaterialDescription] = field(default_factory=dict)
+    reach: float = math.inf  # the size ``|eps|`` of the strain in space up to which they hold
+    parts: Mapping[str, MaterialDescription] = field(default_factory=dict)  # by region; then a name is all of the rest
 
     @property
     def ratio(self) -> float | None:

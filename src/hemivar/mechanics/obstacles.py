@@ -77,13 +77,7 @@ class Obstacle(CheckedFields, PickleMixin, ABC):
 
     @abstractmethod
     def normals(self, points: Array) -> Array:
-        """Gradient of the distance at points (k, d): unit vectors (k, d) out of the obstacle.
-
-        Raises
-        ------
-        ProblemError
-            If a point has no single nearest point of the surface (the centre of a sphere, the axis of a cylinder).
-        """
+        """Gradient of the distance at points (k, d): unit vectors (k, d) out of the obstacle."""
 
     @abstractmethod
     def along(self, points: Array, directions: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Stored energies of one's own by formulas, of invariants or of components of the strain."""
+"""User-defined stored energies by formulas, of invariants or of components of the strain."""
 
 from __future__ import annotations
 

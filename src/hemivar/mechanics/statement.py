@@ -1,4 +1,4 @@
-"""The statement of a contact problem: what a user writes."""
+"""The statement (strong form) of a contact problem: what a user writes."""
 
 from __future__ import annotations
 

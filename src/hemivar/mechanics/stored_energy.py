@@ -1,4 +1,4 @@
-"""Materials that are not linear: a stored energy W of the strain, whose derivative is the stress.
+"""Nonlinear elastic materials (hyperelastic at small strains): a stored energy W, whose derivative is the stress.
 
 Strains are small, and W is strongly convex: its second derivative lies between two tensors ``C_low`` and ``C_up`` at
 every strain.  With ``C_low`` the margin of a contact problem is tested, and from it the error of an answer is bounded.

@@ -1,4 +1,4 @@
-"""Heat in a body: what conducts and stores it, what it does to the stress, and what contact and friction do to it.
+"""Thermomechanics: conduction, capacity, thermal stress, and what contact and friction do to heat.
 
 capacity th' - div(conductivity grad th) + T0 beta : eps(u') = source                   in the body,
 sigma = (elastic and viscous stress) - beta (th - stress_free),

@@ -1,4 +1,4 @@
-"""Checks of what a mesh is made of; each refuses by a ProblemError that names the place."""
+"""Validity of meshes (conformity, orientation, quality); each check refuses by a ProblemError that names the place."""
 
 from __future__ import annotations
 

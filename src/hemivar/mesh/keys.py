@@ -1,4 +1,4 @@
-"""Arrays of simplices: numbers of facets and edges, signed volumes."""
+"""Topology of simplices by integer keys: facets, edges and their numbers; signed volumes."""
 
 from __future__ import annotations
 
