@@ -170,7 +170,7 @@ stated = gallery.survey("5.1", 16, "right")
 stated = replace(stated, material=replace(stated.material, density=1.0, viscosity=(0.4, 0.4)))
 print(hashlib.sha256(hv.solve(stated).unknowns.tobytes()).hexdigest())
 history = hv.march(hv.Evolution(stated, inertia=True), 0.1, step=0.01)
-print(hashlib.sha256(history.moment.body.displacement.tobytes()).hexdigest())
+print(hashlib.sha256(history.state.body.displacement.tobytes()).hexdigest())
 assert kernels() is not None
 print(threads(), file=sys.stderr)
 """

@@ -1,4 +1,4 @@
-"""The heat of a body over its mesh: how it is coupled with the motion."""
+"""Thermomechanical coupling over a mesh: thermal stress, heat of friction, conductance of contact points."""
 
 from __future__ import annotations
 

@@ -24,20 +24,7 @@ _Chain = tuple[list[Formula], list[str]]
 
 @dataclass(frozen=True)
 class Condition:
-    """Where formulas of the place compare so: by ``< <= > >=``, joined by ``and`` and ``or`` (which binds less).
-
-    Parameters
-    ----------
-    text : str
-        The condition.
-    where : str
-        Where it stands, put before every message.
-
-    Raises
-    ------
-    ProblemError
-        If the text is no condition.
-    """
+    """Where formulas of the place compare so: by ``< <= > >=``, joined by ``and`` and ``or`` (which binds less)."""
 
     text: str
     where: str = ""

@@ -1,4 +1,4 @@
-"""Functions of several variables on boxes: bounds of second derivatives, and ranges enclosed by cutting boxes."""
+"""Branch and bound on boxes: interval bounds of second derivatives, and enclosed ranges, of several variables."""
 
 from __future__ import annotations
 

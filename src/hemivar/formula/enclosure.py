@@ -1,4 +1,4 @@
-"""Bounds of an expression over intervals, rounding included, and on rays by how fast its parts grow and decay."""
+"""Interval enclosures of an expression, rounding included; on rays by how fast its parts grow and decay."""
 
 from __future__ import annotations
 

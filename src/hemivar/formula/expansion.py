@@ -1,4 +1,4 @@
-"""Quadratic polynomials near to an expression on simplices, with a proved bound of the difference, rounding included.
+"""Taylor models of expressions on simplices: quadratic polynomials with a proved remainder, rounding included.
 
 Value, first and second derivatives go through the graph together, each as an interval over the whole simplex. With the
 point ``x = x_c + E xi``, ``xi`` the barycentric coordinates of all vertices but the first less those of the centroid,

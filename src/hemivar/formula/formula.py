@@ -117,17 +117,7 @@ class Formula:
             raise ProblemError(f"{name} {pole.words(TIME, 'an end of the time')}")
 
     def __call__(self, points: Array, t: float | None = None) -> Array:
-        """Values at points, and at a time if the formula uses t.
-
-        Parameters
-        ----------
-        points : array, shape (k, d)
-        t : float, optional
-
-        Returns
-        -------
-        array, shape (k,)
-        """
+        """Values (k,) at points (k, d), and at a time if the formula uses t."""
         points = np.asarray(points, dtype=float)
         at = dict(zip(VARIABLES, points.T, strict=False))
         if t is not None:
@@ -239,20 +229,6 @@ class ScalarFormula:
     The functions are those of :class:`Formula` and ``piecewise((value, condition), ..., last)``, whose conditions
     compare (``<  <=  >  >=``, also ``0 <= r < 1``) and are tried from the left; the last entry may be a plain value,
     which holds everywhere else, and so does the condition ``True``.
-
-    Parameters
-    ----------
-    text : str
-        The formula.
-    variable : str
-        Name of the variable.
-    where : str
-        Where it stands, put before every message.
-
-    Raises
-    ------
-    ProblemError
-        If the text is not a formula; the message names the character.
     """
 
     text: str
@@ -281,19 +257,10 @@ class ScalarFormula:
         return SmoothFormula(self.graph, self.node, self.variable)(r)
 
     def switches(self, reach: float) -> tuple[Array, bool]:
-        """Where branches may change: zeros of what abs, min, max and conditions compare.
+        """Where branches may change: zeros of what abs, min, max and conditions compare, and whether none is missing.
 
-        Returns
-        -------
-        places : array (k,)
-            Increasing; within ``[-reach, reach]``, and far beyond where what is compared is linear.
-        sure : bool
-            Whether none is missing; False where one of the differences is too intricate, and was sampled.
-
-        Raises
-        ------
-        ProblemError
-            If there are too many of them.
+        They lie within the reach, and far beyond where what is compared is linear; one is missing at most where a
+        difference is too intricate, and was sampled.
         """
         own = Switches(self.graph, self.variable, reach, self.shown)
         return own.breaks(self.node), own.sure

@@ -1,4 +1,4 @@
-"""Poles of formulas: places where a part divides by zero, or has no value, found or excluded by intervals."""
+"""Poles of formulas, where a part divides by zero or has no value: isolated or excluded by interval bisection."""
 
 from __future__ import annotations
 

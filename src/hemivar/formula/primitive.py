@@ -1,4 +1,4 @@
-"""Integrals of smooth formulas: Gauss's rule on parts that are halved until two rules agree."""
+"""Antiderivatives of smooth formulas: adaptive Gauss quadrature, parts halved until two rules agree."""
 
 from __future__ import annotations
 

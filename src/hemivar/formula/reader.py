@@ -1,4 +1,4 @@
-"""Reads formulas safely: only arithmetic and a few functions, no Python."""
+"""Parser of formulas: only arithmetic and a few functions, no Python is run."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ _COMPARISONS: Mapping[type[ast.AST], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt:
 _PIECEWISE = "piecewise"
 _FOREIGN = re.compile(r"[^A-Za-z0-9_+\-*/^()., ]")
 _FOREIGN_TO_PIECES = re.compile(r"[^A-Za-z0-9_+\-*/^()., <>=]")
-_LONGEST = 1000
-_DEEPEST = 200
+#: Characters of a formula, and how deeply it may be nested: far below what Python recurses to, 1000.
+_LONGEST, _DEEPEST = 1000, 200
 
 
 class Reader:

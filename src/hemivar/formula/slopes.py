@@ -1,4 +1,4 @@
-"""First derivatives of expressions in several variables, in numbers: value and slopes go through the graph together."""
+"""Forward-mode differentiation: first derivatives of expressions in several variables, with their values."""
 
 from __future__ import annotations
 

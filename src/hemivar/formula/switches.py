@@ -1,4 +1,4 @@
-"""Where the branches of a formula of one variable may change: zeros of what abs, min, max and conditions compare."""
+"""Kinks and jumps of a formula of one variable: zeros of what abs, min, max and conditions compare."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from hemivar.formula.smooth import WIDE, SmoothFormula
 
 __all__ = ["Switches"]
 
-#: Places at which the branches of a formula may change, and branches of one part, that are followed.
-_MOST_SWITCHES = 2000
-_MOST_BRANCHES = 200
+#: Places at which the branches of a formula may change, twice the knots of a law, and branches of one part.
+_MOST_SWITCHES, _MOST_BRANCHES = 2000, 200
 
 
 class Switches:

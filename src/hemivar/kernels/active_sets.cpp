@@ -1,4 +1,4 @@
-// Newton's equations of active sets, by a dense factor of Cholesky.
+// The linear systems of primal-dual active sets (semismooth Newton), by a dense Cholesky factor.
 #include "active_sets.hpp"
 
 #include <algorithm>

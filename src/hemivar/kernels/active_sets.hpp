@@ -1,4 +1,4 @@
-// Rounds of the primal-dual active set method on a small condensed body, the law of each component laid out in tables.
+// Primal-dual active set rounds on a small condensed body (Schur complement), the law of each component in tables.
 #pragma once
 
 #include <cstdint>

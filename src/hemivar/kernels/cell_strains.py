@@ -1,4 +1,4 @@
-"""Strains, stresses and nodal forces of linear elements by the compiled kernels; every array is checked."""
+"""Stresses and nodal forces (gather, B-matrix, scatter) of linear elements by the compiled kernels."""
 
 from __future__ import annotations
 
@@ -13,39 +13,18 @@ __all__ = ["cell_strains"]
 
 def cell_strains(
     displacement: Array, cells: IntArray, gradients: Array, size: Array, stiffness: Array
-) -> tuple[Array, Array, Array] | None:
-    """Those of each cell; None where no kernels are compiled.
+) -> tuple[Array, Array] | None:
+    """Stresses (M, d, d) and nodal forces (M, d + 1, d) of the cells; None where no kernels are compiled.
 
-    Parameters
-    ----------
-    displacement : array, shape (N, d)
-        At the nodes.
-    cells : int array, shape (M, d + 1)
-        Triangles or tetrahedra.
-    gradients : array, shape (M, d + 1, d)
-        Of the barycentric coordinates.
-    size : array, shape (M,)
-        Volumes times d!.
-    stiffness : array, shape (M or 1, v, v)
-        Elasticity matrices.
-
-    Returns
-    -------
-    strains, stresses : arrays, shape (M, d, d)
-    forces : array, shape (M, d + 1, d)
-        ``int_T C eps grad phi_a``.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    ``displacement`` (N, d), ``gradients`` (M, d + 1, d) of the barycentric coordinates, ``size`` (M,) is d! times the
+    volume, ``stiffness`` (M or 1, v, v); forces are ``int_T C eps grad phi_a``.
     """
     library = kernels()
     if library is None:
         return None
     (nodes, dim), count, number = displacement.shape, len(cells), stiffness.shape[-1]
     matrices = 1 if len(stiffness) == 1 else count
-    out = np.empty((count, dim, dim)), np.empty((count, dim, dim)), np.empty((count, dim + 1, dim))
+    out = np.empty((count, dim, dim)), np.empty((count, dim + 1, dim))
     arrays = (
         given("displacement", displacement, (nodes, 3 if number == 6 else 2)),
         numbers("cells", cells, (count, dim + 1), nodes),

@@ -1,4 +1,4 @@
-// The cycle and the products.
+// Multigrid cycles (Gauss-Seidel smoothing, transfer, coarse solve) and matrix-vector products.
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>

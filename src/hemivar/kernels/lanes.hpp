@@ -1,4 +1,4 @@
-// Sums of blocks times vectors, four numbers side by side. Blocks of d x d are stored column by column.
+// SIMD: sums of blocks times vectors, four numbers side by side. Blocks of d x d are stored column by column.
 //
 // Loads of four floats reach up to one float beyond a block of three: arrays of blocks end with kBeyond more.
 #pragma once

@@ -1,4 +1,4 @@
-// Memory for numbers: large arrays lie on large pages, which halves the time to read them.
+// Aligned memory for numbers: large arrays lie on large pages, which halves the time to read them.
 #pragma once
 
 #include <cstddef>

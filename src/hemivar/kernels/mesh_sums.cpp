@@ -1,4 +1,4 @@
-// From cells to edges, blocks and rows.
+// Assembly: from cells to edges, blocks and rows.
 #include "mesh_sums.hpp"
 
 #include <algorithm>

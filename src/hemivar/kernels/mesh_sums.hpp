@@ -1,4 +1,4 @@
-// Sums over the cells of a mesh of simplices, by nodes.
+// Assembly over the cells of a mesh of simplices, by nodes.
 //
 // Each row has one owner, who adds up what belongs to it in the order of the cells: nobody waits for anybody, and no sum
 // depends on the number of threads.

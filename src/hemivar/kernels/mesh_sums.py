@@ -1,4 +1,4 @@
-"""Edges and facets of meshes, and matrices of blocks on nodes and edges, by the compiled kernels; all is checked."""
+"""Assembly by the compiled kernels: edges and facets of meshes, block matrices on nodes and edges; all is checked."""
 
 from __future__ import annotations
 
@@ -20,23 +20,8 @@ _MOST = np.iinfo(np.int32).max
 def mesh_edges(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray] | None:
     """The edges of a mesh of triangles or tetrahedra; None where no kernels are compiled, or there are too many cells.
 
-    Parameters
-    ----------
-    cells : int array, shape (M, 3) or (M, 4)
-    nodes : int
-        How many nodes there are.
-
-    Returns
-    -------
-    edges : int array, shape (E, 2)
-        Smaller number first, sorted.
-    cell_edges : int array, shape (3, M) or (6, M)
-        Local order 01, 12, 02 and, in space, 03, 13, 23.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    Edges (E, 2) with the smaller number first, sorted, and those of each cell (3, M) or (6, M), in the local order 01,
+    12, 02 and, in space, 03, 13, 23.
     """
     library = kernels()
     if library is None or cells.size >= _MOST:
@@ -64,34 +49,10 @@ def mesh_facets(
 ) -> tuple[IntArray, Array, IntArray, IntArray, IntArray] | None:
     """The facets of a mesh; None where no kernels are compiled.
 
-    Facet i of a cell is opposite to its vertex i.  Facets are in the order of the places of their nodes.
-
-    Parameters
-    ----------
-    cells : int array, shape (M, d + 1)
-        Nodes.
-    placed : int array, shape (M, d + 1)
-        Places of these nodes, rising in each cell.
-    nodes : int
-        How many places there are.
-    second : bool array, shape (M, d + 1), optional
-        Facets of which the cell is the second one.
-
-    Returns
-    -------
-    numbers : int array, shape (M, d + 1)
-        Of the facets of the cells.
-    signs : array, shape (M, d + 1)
-        +1 in the first cell of a facet, -1 in the second one.
-    owners : int array, shape (F, 2)
-        The cells of each facet; -1 for none.
-    facets, others : int arrays, shape (F, d)
-        Nodes in the first and in the second cell; the same where there is none.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    Facet i of a cell is opposite to its vertex i.  Facets are in the order of the places of their nodes: ``placed``
+    (M, d + 1), rising in each cell.  ``second`` (M, d + 1) marks facets of which the cell is the second one.  What
+    comes back: the numbers of the facets of the cells, +1 in the first cell of a facet and -1 in the second, (M, d + 1)
+    each; the cells of each facet (F, 2), -1 for none; its nodes in the first and in the second cell, (F, d) each.
     """
     library = kernels()
     if library is None:
@@ -123,30 +84,8 @@ def mesh_geometry(
 ) -> tuple[Array, Array, Array, Array] | None:
     """Derivatives of cells, and normals of facets; None where no kernels are compiled.
 
-    Parameters
-    ----------
-    points : array, shape (N, d)
-    cells : int array, shape (M, d + 1)
-    numbers : int array, shape (M, d + 1)
-        Of the facets of the cells, as :func:`mesh_facets` gives them.
-    signs : array, shape (M, d + 1)
-    facets : int
-        How many facets there are.
-
-    Returns
-    -------
-    jacobian : array, shape (M, d, d)
-        B of ``x = B x^ + x_0``.
-    gradients : array, shape (M, d + 1, d)
-        Of the barycentric coordinates.
-    normals : array, shape (F, d)
-        Times the measures, outward from the first cell; of facets without a cell there is none.
-    measures : array, shape (F,)
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    B of ``x = B x^ + x_0`` (M, d, d), gradients of the barycentric coordinates (M, d + 1, d), normals (F, d) times the
+    measures (F,), outward from the first cell; ``numbers`` and ``signs`` are those of :func:`mesh_facets`.
     """
     library = kernels()
     if library is None:
@@ -168,24 +107,8 @@ def mesh_geometry(
 def mesh_stars(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray, AnyArray] | None:
     """The cells around each node of a mesh; None where no kernels are compiled.
 
-    Parameters
-    ----------
-    cells : int array, shape (M, d + 1)
-    nodes : int
-
-    Returns
-    -------
-    start : int array, shape (nodes + 1,)
-        Where the pairs of each node begin.
-    pairs : int array, shape (M (d + 1),)
-        ``cell (d + 1) + vertex``, node after node.
-    place : int32 array, shape (M (d + 1),)
-        Of each pair among those of its node.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
+    Where the pairs of each node begin (nodes + 1,), the pairs ``cell (d + 1) + vertex``, node after node, and the rank
+    of each pair of a cell and a vertex among those of its node, (M (d + 1),) both.
     """
     library = kernels()
     if library is None:
@@ -195,30 +118,16 @@ def mesh_stars(cells: IntArray, nodes: int) -> tuple[IntArray, IntArray, AnyArra
     if nodes < 0:
         raise ValueError(f"there cannot be {nodes} nodes")
     start, pairs = np.empty(nodes + 1, dtype=np.int64), np.empty(cells.size, dtype=np.int64)
-    corner = np.empty(cells.size, dtype=np.int32)
-    status = library.call.hv_stars(corners, nodes, len(cells), at(cells), at(start), at(pairs), at(corner))
+    rank = np.empty(cells.size, dtype=np.int32)
+    status = library.call.hv_stars(corners, nodes, len(cells), at(cells), at(start), at(pairs), at(rank))
     if status == 2:
         raise ValueError(f"nodes of cells must be between 0 and {nodes - 1}")
     library.check(status)
-    return start, pairs, corner
+    return start, pairs, rank
 
 
 def alike_rows(values: Array, others: Array | None, tolerance: float) -> IntArray | None:
-    """Numbers (n,) of rows: the same where two are, but for a part of the largest entry; None without kernels.
-
-    Parameters
-    ----------
-    values : array, shape (n, q)
-    others : array, shape (n, p), optional
-        What has to be alike, too, over the largest entry of its own.
-    tolerance : float
-        This part.
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be.
-    """
+    """Numbers (n,) of rows: the same where two are, but for a part of the largest entry; None without kernels."""
     library = kernels()
     if library is None:
         return None
@@ -237,20 +146,7 @@ def alike_rows(values: Array, others: Array | None, tolerance: float) -> IntArra
 
 
 class BlockGraph:
-    """Nodes and edges that carry the blocks of a symmetric matrix.
-
-    Parameters
-    ----------
-    library : Kernels
-    edges : int array, shape (E, 2)
-        Smaller number first, sorted.
-    nodes : int
-
-    Raises
-    ------
-    ValueError
-        An array is not what it should be; of each method, too.
-    """
+    """Nodes and edges that carry the blocks of a symmetric matrix."""
 
     def __init__(self, library: Kernels, edges: IntArray, nodes: int) -> None:
         _expect("edges", edges, np.int64, (len(edges), 2))
@@ -280,21 +176,10 @@ class BlockGraph:
         matrices: Array,
         upper: Array,
     ) -> None:
-        """Add ``int strain(v) : C strain(u)`` of linear elements to the blocks of the edges.
+        """Add ``int strain(v) : C strain(u)`` of linear elements to the blocks of the edges, ``upper`` (E, c, c).
 
-        Parameters
-        ----------
-        points : array, shape (N, d)
-        cells : int array, shape (M, d + 1)
-        part : slice
-            k cells that are added.
-        volumes : array, shape (k,)
-            Of these.
-        strains : int array, shape (c, d)
-            The strain to which derivative k of component i belongs; c is 1 or d.
-        matrices : array, shape (k or 1, v, v)
-            C of these cells, symmetric; one for all of them.
-        upper : array, shape (E, c, c)
+        Of the k cells of a part: volumes (k,), matrices C (k or 1, v, v), and in ``strains`` (c, d), c = 1 or d, the
+        strain to which derivative k of component i belongs.
         """
         corners = _corners(cells)
         dim, (first, last, _) = corners - 1, part.indices(len(cells))
@@ -327,14 +212,7 @@ class BlockGraph:
         return diagonal
 
     def rows(self, diagonal: Array, upper: Array, free: BoolArray) -> tuple[Array, AnyArray, AnyArray]:
-        """Numbers, columns and starts of the rows of the free components, in the order of nodes.
-
-        Parameters
-        ----------
-        diagonal : array, shape (N, c, c)
-        upper : array, shape (E, c, c)
-        free : bool array, shape (N, c)
-        """
+        """Numbers, columns and starts of the rows of the free components, in the order of nodes."""
         components = upper.shape[-1]
         _expect("blocks of edges", upper, np.float64, (self.edges, components, components))
         _expect("blocks of nodes", diagonal, np.float64, (self.nodes, components, components))

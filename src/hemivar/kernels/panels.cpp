@@ -1,4 +1,4 @@
-// Substitution through panels.
+// Forward and backward substitution through panels (supernodes) of a factor.
 #include "panels.hpp"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// A unit lower triangle by columns, and substitution through it and its transpose.
+// Triangular solves: a unit lower triangle by columns, and substitution through it and its transpose.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Patches of facets with the cells on their sides, on which the tractions of an admissible stress are improved.
+// Patches of facets with the cells on their sides, on which an equilibrated (admissible) stress is improved.
 //
 // A patch is a list of cells, each seen at one of its vertices, edges or facets, that share no cell with other patches
 // of their colour. So every number is written by one patch, and no bit depends on the number of threads.
@@ -14,11 +14,12 @@ constexpr int64_t kColours = 256;
 struct PatchBody {
     int64_t dim, nodes, inner, cells, facets;
     const double* energies;    // (n + i, v, n + i): n moments of a cell, i numbers without tractions
-    const double* compliance;  // (M, v)
+    const double* compliance;  // (kinds, v)
     const double* gradients;   // (M, d + 1, d), of the barycentric coordinates
     const double* signs;       // (M, d + 1)
     const double* points;      // (N, d)
-    const int64_t *cell_facets, *facet_nodes, *alike;
+    const int64_t *cell_facets, *facet_nodes;
+    const int64_t* alike;      // (M,), the kind of each cell
 };
 
 struct PatchSweep {

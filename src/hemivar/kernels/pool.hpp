@@ -1,4 +1,4 @@
-// Threads that share out the numbered pieces of a call.
+// Thread pool: threads that share out the numbered pieces of a call.
 //
 // Which thread takes a piece is left to chance, so a piece must never depend on another one of the same call: then no
 // result depends on the number of threads.

@@ -1,4 +1,4 @@
-"""Arrays as the compiled kernels read them, of the types and shapes that they must have."""
+"""Arrays as the compiled kernels read them: contiguous, of the types and shapes that they must have."""
 
 from __future__ import annotations
 

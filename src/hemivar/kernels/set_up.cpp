@@ -1,4 +1,4 @@
-// From matrices by rows to levels in blocks.
+// Set-up of multigrid: from matrices by rows (CSR) to levels in blocks of single precision.
 #include "levels.hpp"
 
 

@@ -1,4 +1,4 @@
-// Numbers of eight things at once, and functions for processors with wider registers: every one of the eight is treated
+// SIMD: numbers of eight things at once, for processors with wider registers: every one of the eight is treated
 // alike, so that no bit depends on the processor.
 #pragma once
 

@@ -1,4 +1,4 @@
-"""A law that splits in the compiled kernels: what its methods answer for all contact points, in one call each.
+"""A contact law in the compiled kernels: value, derivatives, local minimiser and residual at all points in one call.
 
 The kernels read straight pieces from tables, and know the formulas of two friction profiles.
 """

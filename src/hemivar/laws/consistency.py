@@ -1,4 +1,4 @@
-"""A quick look, from samples, at whether what a user gave for a law fits together; the kit in testing looks closer."""
+"""Consistency checks at samples: whether value, derivative, curvature and alpha of a user's law fit together."""
 
 from __future__ import annotations
 

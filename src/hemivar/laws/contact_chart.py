@@ -1,4 +1,4 @@
-"""A law that splits, in Minty's chart with one stiffness, laid out in tables.
+"""Minty's parametrisation of the contact graph, in tables: the unknown p = a r + lam gives r, lam and derivatives.
 
 Newton's method asks the same law the same question thousands of times: the pair at ``p = a r + lam``.  With a above the
 weak convexity of the law p grows along its graph, and sorts the points onto pieces and kinks; on a straight piece all

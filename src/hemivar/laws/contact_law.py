@@ -1,4 +1,4 @@
-"""The law of a contact point: a normal superpotential and a radial friction law in local components."""
+"""Contact law of a point: a normal superpotential and radial friction, split into normal and tangential parts."""
 
 from __future__ import annotations
 

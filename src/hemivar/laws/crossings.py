@@ -1,5 +1,4 @@
-"""A law along a way: where its derivative bends, for laws that are quadratic between their knots; where a way meets
-levels of a component or of a length."""
+"""Line-search breakpoints of a law: where its derivative bends along a direction, and where levels are met."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What there is to say about a law: formula, kinks, constants."""
+"""A law in words: formula on each piece, kinks, weak convexity, growth and recession."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Glue that remembers: the questions of a memory to laws with an effective opening."""
+"""Cohesive glue that remembers: damage and secant (unloading) law, asked of laws with an effective opening."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What laws with a normal law and friction beside it have in common, whichever way the friction may point."""
+"""Base of contact laws that split into a normal law and friction, isotropic or not."""
 
 from __future__ import annotations
 

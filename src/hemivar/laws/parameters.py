@@ -1,4 +1,4 @@
-"""Law parameters: numbers, one number per contact point, or functions of x."""
+"""Law parameters (numbers, one per contact point, formulas, functions of x): metadata, limits, evaluation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ __all__ = [
     "word",
 ]
 
-#: The farthest that an own law may reach: beyond it squares and cubes leave the range of numbers.
+#: The farthest that an own law may reach, and its inverse the nearest: the fourth power, 1e300, is still a number.
 _FARTHEST = 1e75
 
 #: Units.

@@ -1,4 +1,4 @@
-"""Laws with parameters that may vary over the contact boundary: what the named ones have in common."""
+"""Laws with parameters that may vary over the contact boundary: base classes of the named laws."""
 
 from __future__ import annotations
 

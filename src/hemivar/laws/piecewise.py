@@ -1,4 +1,4 @@
-"""Laws with piecewise linear derivative: one table from which everything is derived in closed form."""
+"""Laws with piecewise linear derivative (piecewise quadratic potential): one table, everything else in closed form."""
 
 from __future__ import annotations
 

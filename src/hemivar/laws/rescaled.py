@@ -1,4 +1,4 @@
-"""Laws whose parameters are known; a law times a factor, of an argument that is scaled and shifted."""
+"""Affine rescaling of laws: a law times a factor, of an argument that is scaled and shifted; parameters are known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The graph of a scalar law: its pieces and knots in turn, and where a pair lies on it.
+"""The graph of a scalar law (its subdifferential): pieces and knots in turn, and where a pair lies on it.
 
 Part 2 i of a graph is its piece i, and part 2 i + 1 the knot that ends it.  By the displacement :func:`part_of` finds
 the part, by the force :func:`~hemivar.laws.minimisers.knot_forces` does.

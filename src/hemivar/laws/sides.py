@@ -1,4 +1,4 @@
-"""What a law of a point does to both sides of a displacement, asked of its multipliers and second derivatives alone."""
+"""One-sided derivatives of a law at a displacement, in every direction: what decides whether it is a local minimum."""
 
 from __future__ import annotations
 

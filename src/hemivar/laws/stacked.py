@@ -1,4 +1,4 @@
-"""Different scalar laws at different contact points, as one law."""
+"""Different scalar laws at different contact points as one superpotential (gather and scatter)."""
 
 from __future__ import annotations
 

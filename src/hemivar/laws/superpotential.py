@@ -1,4 +1,4 @@
-"""The interface of a superpotential and everything that follows from its pieces.
+"""The interface of a superpotential: Clarke subdifferential, prox and constants, which follow from its pieces.
 
 A superpotential is a scalar function j(r), smooth between *knots*.  A law supplies its knots and, on every
 piece between two knots, its derivative and curvature; the Clarke subdifferential, the distance to the graph, the

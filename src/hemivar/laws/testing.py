@@ -1,4 +1,4 @@
-"""A conformance kit: is a law, a user's own too, consistent with itself?
+"""Conformance kit for scalar laws: is a law, a user's own too, consistent with itself?
 
 from hemivar.laws.testing import check_law
 check_law(MyLaw(...))

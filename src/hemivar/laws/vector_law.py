@@ -1,4 +1,4 @@
-"""What the law of a contact point must answer, for the vector r of its local displacement."""
+"""The interface of a contact law j(r) of the displacement vector r at a point: subdifferential, prox, constants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The conformance kit for laws of the whole local displacement: is one, a user's own too, consistent with itself?
+"""Conformance kit for laws of the displacement vector: is one, a user's own too, consistent with itself?
 
 from hemivar.laws.vector_testing import check_vector_law
 check_vector_law(MixedMode(...).at(None), reach=0.05)

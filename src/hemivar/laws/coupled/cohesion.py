@@ -1,4 +1,4 @@
-"""Cohesive tractions over an effective opening rho: one curve, stated by strength, fracture energy and stiffness.
+"""Cohesive traction-separation curves over an effective opening rho: by strength, fracture energy and stiffness.
 
 Each is an even scalar law Phi with ``Phi'(0) = 0``: it rises with the initial stiffness, has one strength, and lets go
 at a finite opening; the area under ``Phi'`` is the fracture energy, exactly.
@@ -22,7 +22,7 @@ from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["BilinearCohesion", "ExponentialCohesion", "TrapezoidalCohesion", "cohesion_table"]
 
-#: Chords of the exponential: none is further from it than 1e-6 of the strength.
+#: Chords of the exponential: none is further from it than 1/(3 n^2) = 1e-6 of the strength.
 _CHORDS = 600
 
 

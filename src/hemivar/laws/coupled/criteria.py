@@ -1,4 +1,4 @@
-"""How the fracture energy of glue depends on the mode: criteria with two energies, for opening and for shear.
+"""Mode-mixity criteria (Benzeggagh-Kenane, power law): fracture energy of glue from those for opening and for shear.
 
 The mode B is the share of the shear in the energy release rate, ``G_II / (G_I + G_II)``: 0 in opening, 1 in shear.
 """

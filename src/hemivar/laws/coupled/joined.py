@@ -1,4 +1,4 @@
-"""Different laws at different contact points, of which some couple opening and slip."""
+"""One contact law of different laws at different contact points (gather and scatter), some of them coupled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Local problems in the penetration r and the length s >= 0 of the slip: safeguarded Newton steps for many at once.
+"""Local problems in penetration r and slip length s >= 0: projected Newton steps with an Armijo line search.
 
 Minimise ``E = a_n/2 r^2 + a_t/2 s^2 - c r - b s + f(r, s)`` with b >= 0.  On either side of r = 0 and for s > 0 f is
 smooth.  Each step goes along the Newton direction, of a matrix whose negative curvatures are turned round, is cut at

@@ -1,4 +1,4 @@
-"""Mixed-mode glue of one fracture energy: opening and slip act through one effective opening."""
+"""Mixed-mode cohesive law of one fracture energy: opening and slip act through one effective opening."""
 
 from __future__ import annotations
 

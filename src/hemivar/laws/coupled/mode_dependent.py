@@ -1,4 +1,4 @@
-"""Glue whose fracture energy depends on the mode: J(w, v) with the mode of a state w."""
+"""Mode-dependent cohesive law: fracture energy by the mode mixity, J(w, v) with the mode of a state w."""
 
 from __future__ import annotations
 

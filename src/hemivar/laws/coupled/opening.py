@@ -1,4 +1,4 @@
-"""The local problem of a mixed-mode law that opens: all its minimisers, from roots that are bracketed on each piece.
+"""The local problem of mixed-mode glue that opens: all minimisers, by a scalar (secular) equation for the secant.
 
 Minimise ``a_n/2 w^2 + a_t/2 |s|^2 - c w - b.s + Phi(rho)`` with ``rho^2 = w^2 + beta^2 |s|^2`` and c > 0.  The slip
 lies along b; with ``m = Phi'(rho)/rho``

@@ -1,4 +1,4 @@
-"""A normal law with friction that depends on the direction of the slip: an ellipse in place of a disc.
+"""A normal law with orthotropic friction, by the direction of the slip: an ellipse in place of a disc.
 
 With D symmetric, ``j_tau(s) = |D s|``, whose subdifferential at 0 is the ellipse ``E = {D z: |z| <= 1}``.  A local
 problem ``min a/2 |s|^2 - b.s + |D s|`` has the solution ``s = (b - P_E(b))/a`` with the projection on E: in the axes of

@@ -1,4 +1,4 @@
-"""Is a potential of penetration and slip a law, and how far from convex is it?  Samples, and proofs by intervals.
+"""Is a potential of penetration and slip a law, and how weakly convex?  Samples, and proofs by interval arithmetic.
 
 A law of this kind has a continuous gradient, but for a jump upwards at r = 0 and a slope f_s >= 0 at s = 0.  Then
 ``f + alpha_n/2 r^2 + alpha_t/2 s^2`` is convex in the penetration and the vector of the slip where the matrix

@@ -23,7 +23,7 @@ __all__ = ["FormulaPotential", "FunctionPotential", "PlanePotential", "Potential
 
 #: What a user gives: arrays r and s of one shape in, values out.
 PotentialFunction = Callable[[Array, Array], ArrayLike]
-#: Step of differences, as a part of the reach.
+#: Step of central differences, as a part of the reach: near the cube root of rounding, where their error is least.
 _STEP = 1e-6
 #: Poles nearer to r = 0 or s = 0 than this part of the reach are not looked for.
 _NEAR = 1e-9

@@ -1,4 +1,4 @@
-"""Friction bounds that depend on the state of the contact point: its penetration or its pressure.
+"""State-dependent friction bounds (Coulomb and others): by the penetration or the pressure of the contact point.
 
 With such a bound the law is a function of two arguments, J(w, v): it is frozen at a state w, which leaves an
 ordinary law in v (:meth:`hemivar.laws.ContactLaw.frozen`), and the state is iterated.

@@ -1,4 +1,4 @@
-"""Friction laws: radial in the slip vector, h_tau j_tau(|u_tau|), the same in two and three dimensions."""
+"""Friction laws h_tau j_tau(|u_tau|), radial in the slip vector: Tresca, Coulomb and slip-dependent ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Memories that act beside a law: a bond that fades, a foundation that remembers its penetration, a damper."""
+"""Memories in parallel with a law: a bond that fades, a foundation that remembers its penetration, a damper."""
 
 from __future__ import annotations
 

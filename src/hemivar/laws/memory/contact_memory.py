@@ -1,4 +1,4 @@
-"""The memory of contact points: what a law keeps from one time step to the next, and the law of a step with it.
+"""Internal variables of contact points: what a law keeps from one time step to the next, and the law of a step.
 
 A :class:`Memory` answers for a contact law with a state, arrays with one row for each contact point.  In a step it
 makes of the law it is given the law of the step; when the step has been solved, it makes of the state the next one.

@@ -1,4 +1,4 @@
-"""Memories of what is broken or worn down by use: the largest opening of glue, the sum of the slip."""
+"""Damage and wear as internal variables: the largest opening of glue, the sum of the slip."""
 
 from __future__ import annotations
 

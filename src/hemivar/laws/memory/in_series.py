@@ -1,4 +1,4 @@
-"""Memories that lie in series with a law: a surface that is worn, a foundation that creeps.
+"""Memories in series with a law (Maxwell creep, wear): a surface that is worn, a foundation that creeps.
 
 Both keep a depth w, and the law acts on what is left of the penetration, ``p in dj(r - w)``.  When w grows in a step by
 ``c p``, with the pressure p at its end, the law of the step is the Moreau envelope of j with the compliance c, at

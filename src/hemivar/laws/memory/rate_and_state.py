@@ -1,4 +1,4 @@
-"""Rate-and-state friction: a coefficient that depends on the slip rate and on the age of the contacts."""
+"""Rate-and-state friction (Dieterich-Ruina): a coefficient by the slip rate and the age of the contacts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hemivar.laws.vector_law import VectorLaw
 
 __all__ = ["RateAndState", "RateStateProfile"]
 
-#: Largest exponent of the regularised law: beyond it the friction differs only at rates below exp(-600).
+#: Largest exponent of the regularised law: exp overflows at 709, and friction differs only at rates below exp(-600).
 _MOST = 600.0
 
 

@@ -1,4 +1,4 @@
-"""Several memories at the same contact points, and the law of a step with them, with rates and with damping."""
+"""The incremental law of a time step: several memories at the same points, with rates and with damping."""
 
 from __future__ import annotations
 

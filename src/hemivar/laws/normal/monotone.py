@@ -1,4 +1,4 @@
-"""Monotone normal laws: foundations that push back the more, the farther the body goes in, and rigid ones."""
+"""Monotone normal laws: springs and power laws (normal compliance), and the rigid foundation (Signorini)."""
 
 from __future__ import annotations
 

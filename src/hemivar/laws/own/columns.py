@@ -1,4 +1,4 @@
-"""Two columns of numbers from a CSV file, found by their names."""
+"""Reads two named columns of numbers from a CSV file: the graph of a law."""
 
 from __future__ import annotations
 

@@ -26,13 +26,12 @@ from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FORMULA", "FormulaLaw"]
 
-#: Kinks and turns of the curvature that a formula may have.
+#: Kinks and turns of the curvature that a formula may have, as docs/laws.md says.
 _MOST_KNOTS = 1000
 #: Turns nearer to zero than this part of the reach are distinguished as if they were as far.
 _FINEST = 1e-6
-#: Turns in a decade beyond the reach, and work on it, up to which they are taken.
-_FEW_FAR = 20
-_FAR_WORK = 2e6
+#: Turns in a decade beyond the reach up to which they are taken, and work on it: 0.05 s of an AMD EPYC.
+_FEW_FAR, _FAR_WORK = 20, 2e6
 #: How much farther than the reach a potential is integrated to rounding; beyond over parts that double.
 _FAR_INTEGRAL = 1e3
 _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"

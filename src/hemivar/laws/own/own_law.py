@@ -1,4 +1,4 @@
-"""Laws given by a list of smooth pieces, of whatever kind: what formulas and Python functions have in common."""
+"""Laws as a list of smooth pieces with value, derivative and curvature: what formulas and Python functions share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is made of scalar laws: an affine argument, sums, secants, slips that sum up, and dampers that cannot pull.
+"""Algebra of scalar laws: affine arguments, sums, secants, sums of slips, and dampers that cannot pull.
 
 Each is made of the pieces of what it is given: :mod:`hemivar.laws.transformed.law_graph` joins them.
 """

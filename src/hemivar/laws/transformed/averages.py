@@ -1,4 +1,4 @@
-"""Laws that keep energy: the mean of a law over the way from one penetration to another."""
+"""Energy-conserving mean law (discrete gradient): of a law over the step from one penetration to another."""
 
 from __future__ import annotations
 

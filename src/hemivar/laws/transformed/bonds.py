@@ -1,4 +1,4 @@
-"""A bond that fades: a bonding field between 0 and 1 that falls where the glue is stretched more than it can bear."""
+"""A bond that fades: a bonding (damage) field in [0, 1] that falls where glue is stretched more than it can bear."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A law as data: its knots, which pieces of which laws act between them, and the derivative on both sides of a knot.
+"""Sums and splices of laws as data: knots, pieces that act between them, one-sided derivatives at knots.
 
 Sums of laws and laws spliced at places are such laws; of tables they are tables again.
 """

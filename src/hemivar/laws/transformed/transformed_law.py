@@ -1,4 +1,4 @@
-"""What laws made of other laws have in common: checks of what they are given, their tables, and columns of knots."""
+"""Base of laws made of other laws: checks of what they are given, their tables, and columns of knots."""
 
 from __future__ import annotations
 

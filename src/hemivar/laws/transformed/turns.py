@@ -1,4 +1,4 @@
-"""Where the curvature of a sum turns round, and how steeply its derivative falls: from the curvatures of its terms.
+"""Extrema of the curvature of a sum of laws, and bounds of its weak convexity, from the curvatures of its terms.
 
 The curvature of every term is monotone on a piece; that of the sum need not be where one rises and another one falls.
 There the turning places are sought on a grid, and the steepest fall is enclosed: on a cell, each term is bounded by its
