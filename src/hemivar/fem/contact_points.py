@@ -9,12 +9,14 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair, bulge
 from hemivar.fem.contact_basis import contact_weights, seen_gap, seen_values
+from hemivar.fem.elements import ROUNDED
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.sharp_corners import handed_on
@@ -43,15 +45,13 @@ __all__ = [
     "shares",
 ]
 
-#: Entries of the trace below this are rounding.
-_ZERO = 1e-12
 #: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the size of the mesh or the
 #: largest value; and what that of coordinates makes of it.
 _ROUNDED, _EPSILONS = 1e-12, 8.0 * np.finfo(float).eps
 #: Share of the master's displacements in a jump from which they count where supports hold the slave.
 _SEEN = 1e-2
-#: Overlap of two bodies that is no rounding, of their size, and degrees between facets that a projection can bear.
-_OVERLAP, _TURNED = 1e-9, 30.0
+#: Degrees between facets that a projection can bear.
+_TURNED = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,7 +293,7 @@ def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
 
 def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> tuple[str, ...]:
     warnings = []
-    if overlap > _OVERLAP * float(np.ptp(nodes, axis=0).max()):
+    if overlap > SAME * float(np.ptp(nodes, axis=0).max()):
         warnings.append(
             f"{title}: the meshes overlap by up to {overlap:.3g}, which is taken for an interference; if it is not "
             "meant, move one of the bodies"
@@ -658,7 +658,7 @@ def join(
 
     trace = sp.csr_array(full @ basis)
     rows = np.repeat(np.arange(trace.shape[0]), np.diff(trace.indptr))
-    small = np.abs(trace.data) < _ZERO * np.abs(full.data).max(initial=0.0)
+    small = np.abs(trace.data) < ROUNDED * np.abs(full.data).max(initial=0.0)
     trace.data[small | blocked.ravel()[rows]] = 0.0
     whole = np.abs(np.abs(trace.data) - 1.0) < 1e-14
     trace.data[whole] = np.sign(trace.data[whole])

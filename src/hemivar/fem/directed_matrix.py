@@ -10,12 +10,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.supports import DEPENDENT
 from hemivar.linear.factorisation import factorise
 
 __all__ = ["DirectedMatrix", "directed_matrix"]
-
-#: Eigenvalue of a sum of projections from which a direction is held.
-_HELD = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +65,7 @@ def directed_matrix(blocks: Array, nodes: IntArray, fixed: Array) -> DirectedMat
     directions = np.broadcast_to(np.eye(dim), fixed.shape).copy()
     free = np.ones((count, dim), dtype=bool)
     values, directions[touched] = np.linalg.eigh(fixed[touched])
-    free[touched] = values < _HELD
+    free[touched] = values < DEPENDENT
     number = np.full((count, dim), -1, dtype=np.int64)
     number[free] = np.arange(np.count_nonzero(free))
     some = np.flatnonzero(touched[nodes].any(axis=1))

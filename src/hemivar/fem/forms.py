@@ -11,7 +11,7 @@ import scipy.sparse as sp
 import skfem
 
 from hemivar.basics.arguments import UNFIT, answer, described, expect, number, quoted, shortened, suggest
-from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.arrays import SAME, real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -29,7 +29,7 @@ from hemivar.fem.contact_points import join
 from hemivar.fem.discretize import friction_warning
 from hemivar.fem.form_contact import Rows, Touching, TraceOf, nearness, rows_on, share_nodes
 from hemivar.fem.form_field import ScikitFem, form_field, nearest_nodes, rows_of
-from hemivar.fem.mixed_bulk import MixedBulk, refuse_skew
+from hemivar.fem.mixed_bulk import NULL, MixedBulk, refuse_skew
 from hemivar.fem.supports import in_words
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.foundation import Contact
@@ -37,8 +37,6 @@ from hemivar.mechanics.instants import at_time, depends_on_time
 
 __all__ = ["FormBody", "FormProblem", "of_forms"]
 
-#: Share of the largest eigenvalue that counts as none.
-_DEPENDENT = 1e-10
 #: Highest degree of a rule of quadrature.
 _DEGREE = 30
 #: Most rows of a trace whose rank is examined.
@@ -205,7 +203,7 @@ class FormBody:
             raise ProblemError(f"unknowns has shape {unknowns.shape}; give solution.unknowns, ({problem.load.size},)")
         if isinstance(bulk, MixedBulk):
             stated = bulk.reduced()[0]
-            if np.abs(problem.load - stated).max(initial=0.0) > 1e-9 * np.abs(stated).max(initial=0.0):
+            if np.abs(problem.load - stated).max(initial=0.0) > SAME * np.abs(stated).max(initial=0.0):
                 raise ProblemError(
                     "the other unknowns of a mixed body are known under its stated load, and this problem has another "
                     "one; state that load in the form"
@@ -467,7 +465,7 @@ class _FixedUnknowns:
         """Hold unknowns (k,) at values (k,); refuse other ones than those of a support before."""
         apart = np.where(self.fixed[numbers], np.abs(values - self.values[numbers]), 0.0)
         largest = max(float(np.nanmax(np.abs(part), initial=0.0)) for part in (values, self.values))
-        conflict = np.flatnonzero(apart > 1e-9 * largest)
+        conflict = np.flatnonzero(apart > SAME * largest)
         if conflict.size:
             first = int(numbers[conflict[0]])
             raise SupportError(
@@ -541,7 +539,7 @@ def _refuse_dependent(trace: sp.csr_array, at: str | int) -> None:
     if not rows.shape[0] or rows.shape[0] > _EXAMINED:
         return
     values = np.linalg.eigvalsh((rows @ rows.T).toarray())
-    missing = int(np.count_nonzero(values < _DEPENDENT * values[-1]))
+    missing = int(np.count_nonzero(values < NULL * values[-1]))
     if missing:
         remedy = (
             "separate boundaries and regions that share nodes"

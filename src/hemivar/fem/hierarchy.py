@@ -18,6 +18,7 @@ from hemivar.discrete.space import Field
 from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
+from hemivar.fem.elements import ROUNDED
 from hemivar.fem.stress_stiffness import Stressed, stressed_problem
 from hemivar.mesh.mesh import Mesh
 
@@ -116,7 +117,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     coarse = coarse_problem(replace(statement, mesh=mesh, order=1), start, pairs)
     assert coarse.field is not None
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
-    prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
+    prolongation.data[np.abs(prolongation.data) < ROUNDED] = 0.0
     prolongation.eliminate_zeros()
     points = _shared_points(problem.contact, coarse.contact, interpolation)
     step = Coarser(coarse, prolongation, field, points, pairs, interpolation=interpolation)

@@ -13,10 +13,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.errors import ProblemError
 
-__all__ = ["MixedBulk", "refuse_skew"]
+__all__ = ["NULL", "MixedBulk", "refuse_skew"]
 
 #: Share of the largest eigenvalue, or of scaled entries, that counts as none.
-_DEPENDENT = 1e-10
+NULL = 1e-10
 
 #: Size of a solution, relative to the load and the matrix, from which the matrix is singular up to rounding.
 _SINGULAR = 1e13
@@ -54,7 +54,7 @@ class MixedBulk(Quadratic):
         schur = 0.5 * (schur + schur.T)
         values = np.linalg.eigvalsh(schur)
         least = float(values.min(initial=np.inf))
-        if least < -_DEPENDENT * float(values.max(initial=0.0)):
+        if least < -NULL * float(values.max(initial=0.0)):
             raise ProblemError(
                 f"with its constraints the body has the stiffness {least:.3g} in some direction of the contact "
                 "unknowns; the first block must not be negative where the constraints hold"
@@ -134,7 +134,7 @@ def _factorised(matrix: sp.csc_array) -> _Factor:
 
 def refuse_skew(matrix: sp.csr_array, name: str) -> None:
     """Refuse a matrix that is not symmetric, in any units of its unknowns."""
-    if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > _DEPENDENT:
+    if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > NULL:
         raise ProblemError(
             f"the {name} of the body is not symmetric; give one with a(u, v) = a(v, u), as a mixed "
             "body has [[A, D'], [D, -S]]"

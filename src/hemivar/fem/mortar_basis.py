@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.elements import ROUNDED
 
 __all__ = ["JumpUnknowns", "jump_unknowns"]
 
@@ -24,8 +25,6 @@ _OWN = 1e-2
 _CHAIN = 64
 #: How often jumps look for an unknown that no other jump has taken in the meantime.
 _TRIES = 8
-#: Entries that are rounding.
-_ROUNDED = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +125,7 @@ def _changed(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> JumpUnknow
 
 def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
     matrix = sp.csr_array(matrix)
-    matrix.data[np.abs(matrix.data) < _ROUNDED] = 0.0
+    matrix.data[np.abs(matrix.data) < ROUNDED] = 0.0
     matrix.eliminate_zeros()
     matrix.sort_indices()
     return matrix

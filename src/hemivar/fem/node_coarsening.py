@@ -21,6 +21,7 @@ from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
+from hemivar.fem.elements import ROUNDED
 from hemivar.fem.hierarchy import Coarser
 from hemivar.linear.algebraic import independent_nodes
 
@@ -36,8 +37,6 @@ _LARGE = 2.5
 _MOST = 0.6
 #: Boundaries that a label tells apart.
 _LABELS = 62
-#: Weights below this are rounding.
-_ROUNDED = 1e-12
 #: How many bodies may follow one another.
 _CHAIN = 3
 #: Rounding in a chosen unknown, which follows itself alone.
@@ -210,7 +209,7 @@ def _prolongation(
 
 def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
     """Without entries that are rounding."""
-    matrix.data[np.abs(matrix.data) < _ROUNDED] = 0.0
+    matrix.data[np.abs(matrix.data) < ROUNDED] = 0.0
     matrix.eliminate_zeros()
     return matrix
 

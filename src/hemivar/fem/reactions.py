@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.arrays import norm
+from hemivar.basics.arrays import SAME, norm
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.potential import Potential
@@ -22,9 +22,6 @@ from hemivar.fem.supports import stated_supports, sum_by
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
-
-#: Part of the load by which that of a problem may differ from the stated one, by rounding.
-_SAME_LOAD = 1e-9
 
 
 def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> dict[str, Array]:
@@ -53,7 +50,7 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     else:
         forces = internal_forces(stated, supports.value, cells).ravel()
         moved, size = field.basis.T @ forces, norm(forces)
-    if norm(field.basis.T @ load.ravel() - moved - problem.load) > _SAME_LOAD * max(norm(load.ravel()), size):
+    if norm(field.basis.T @ load.ravel() - moved - problem.load) > SAME * max(norm(load.ravel()), size):
         raise ProblemError(
             "reactions are known under the stated load only, and this problem has another one; state that load"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import SupportError
 from hemivar.mechanics.conditions import (
@@ -49,7 +50,7 @@ class Supports:
         size = np.linalg.norm(rest, axis=1)
         missing = values - np.einsum("kd,kd->k", directions, self.value[nodes])
         independent = size > DEPENDENT
-        tolerance = 1e-9 * max(float(np.abs(part).max(initial=0.0)) for part in (values, self.value))
+        tolerance = SAME * max(float(np.abs(part).max(initial=0.0)) for part in (values, self.value))
         conflict = ~independent & (np.abs(missing) > tolerance)
         if conflict.any():
             bad = int(np.flatnonzero(conflict)[0])

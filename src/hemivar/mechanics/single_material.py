@@ -42,7 +42,17 @@ def _branches(given: object, name: str) -> tuple[Branch, ...]:
 
 @dataclass(frozen=True, eq=False)
 class SingleMaterial(CheckedFields, Material):
-    """A material of one kind: what it has of density, viscosity and branches."""
+    """A material of one kind: what it has of density, viscosity and branches.
+
+    Attributes
+    ----------
+    density : float, callable or None
+        Mass per volume, of motion.
+    viscosity : Moduli or None
+        Of a force that follows the rate of the strain.
+    branches : tuple of Branch
+        What relaxes.
+    """
 
     density: Number | None = field(
         default=None, kw_only=True, metadata=kept(_density) | {IN_TIME: Stated(Form.QUANTITY, above=0.0)}
