@@ -19,7 +19,6 @@ from hemivar.fem.contact_basis import contact_weights, seen_gap, seen_values
 from hemivar.fem.elements import ROUNDED
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
-from hemivar.fem.sharp_corners import handed_on
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
@@ -215,7 +214,7 @@ def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> t
     """
     title, sides = _called(problem, name), problem.pair(name)
     pieces = _facing(problem, sides, title)
-    touching, away = np.flatnonzero(pieces.touches), handed_on(pieces)
+    touching, away = np.flatnonzero(pieces.touches), pieces.beyond_corners
     counted = pieces.covered[touching, None] * ~away[touching]
     nodes, normal = _nodal_normals(problem, sides[0], pieces.sides[0].take(touching), supports, counted)
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]

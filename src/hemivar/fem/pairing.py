@@ -30,6 +30,8 @@ __all__ = ["COVERED", "Pairing", "paired"]
 _FACING, _EDGE_ON = -0.2, 1e-6
 #: Share of a facet, or of a weight, from which it counts: far above rounding, in space a thousandth of its width.
 COVERED = 1e-6
+#: Cosine of the angle of two facets from which a corner is sharp.
+_SHARP = np.cos(np.radians(40.0))
 #: Distance of two places that are one, of the width of a facet.
 _ONE_PLACE = 1e-6
 #: Weights of corners in a place within a polygon that no edge of a regular mesh goes through.
@@ -59,6 +61,24 @@ class Pairing:
     def touches(self) -> BoolArray:
         """Whether a facet (f,) of the slave meets the master with more than rounding."""
         return np.asarray(self.covered > COVERED)
+
+    @property
+    def beyond_corners(self) -> BoolArray:
+        """Which nodes (f, n) of the slave's facets belong to nearer facets beyond a sharp corner.
+
+        One normal cannot stand for both sides of it.  The other side hands the share of the node on to its other nodes.
+        """
+        members, normal = self.sides[0].nodes, self.sides[0].normals
+        facet, column = np.nonzero(np.broadcast_to(self.touches[:, None], members.shape))
+        node, distance = members[facet, column], self.distance[facet]
+        ordered = np.lexsort((distance, node))
+        _, first, group = np.unique(node[ordered], return_index=True, return_inverse=True)
+        nearest = np.empty(len(node), dtype=np.int64)
+        nearest[ordered] = ordered[first[group]]
+        sharp = np.einsum("kd,kd->k", normal[facet], normal[facet[nearest]]) < _SHARP
+        away = np.zeros(members.shape, dtype=bool)
+        away[facet, column] = sharp & (distance > distance[nearest] + self.slack[facet])
+        return away
 
     @cached_property
     def distance(self) -> Array:
