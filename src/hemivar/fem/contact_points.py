@@ -324,8 +324,8 @@ def area_contacts(problem: ContactProblem, supports: Supports, others: list[Boun
     """The contact points of areas of a plane body: nodes that slide, with two tangents and no normal."""
     nodes, dim = supports.nodes, problem.mesh.dim
     names, free = tuple(problem.contact), supports.count < dim
-    beside = [one.points for one in others if one.points.count]
-    taken = [(one.names[one.boundary[0]], np.unique(one.seen // dim)) for one in beside]
+    beside = [group.points for group in others if group.points.count]
+    taken = [(points.names[points.boundary[0]], np.unique(points.seen // dim)) for points in beside]
     groups = []
     for site in _sites(problem, len(nodes), list(problem.areas)):
         for name, own in taken:

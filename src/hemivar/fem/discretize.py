@@ -137,10 +137,9 @@ def _discretize(
         raise SupportError("the supports leave the problem no freedom; refine the mesh or remove supports")
 
     full_load = stated_load(problem)
-    one = problem.components == 1
     field = Field(
-        mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift, constants=one,
-        ring=problem.kinematics.ring,
+        mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift,
+        constants=problem.components == 1, ring=problem.kinematics.ring,
     )  # fmt: skip
     contact, offset, law, energy = conditions.contact()
     if problem.material.linear:
@@ -247,7 +246,7 @@ def bedding_warning(share: float, field: Field) -> str | None:
 
 def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
     """Refuse a statement that depends on time, and, unless it is part of an evolution, damping and memory."""
-    gaps = [one.gap for one in problem.contact.values()]
+    gaps = [contact.gap for contact in problem.contact.values()]
     gap = "a level" if problem.components == 1 else "a gap" if any(map(depends_on_time, gaps)) else "a belt"
     words = {"load": "a load", "supports": "a support", "gap": gap, "law": "a law"}
     depends = [word for part, word in words.items() if part in problem.time_dependent]

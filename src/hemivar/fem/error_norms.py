@@ -31,25 +31,27 @@ class KnownField:
 
     def __post_init__(self) -> None:
         given = [self.formulas] if isinstance(self.formulas, str) else list(self.formulas)
-        made = tuple(one if isinstance(one, Formula) else Formula(one, "exact solution") for one in given)
+        made = tuple(
+            formula if isinstance(formula, Formula) else Formula(formula, "exact solution") for formula in given
+        )
         if not made:
             raise ProblemError("the exact solution has no components; give a formula for each")
-        for one in made:
-            if TIME in one.variables:
-                raise ProblemError(f"exact solution: formula '{one.text}' uses t; give the solution at rest")
+        for formula in made:
+            if TIME in formula.variables:
+                raise ProblemError(f"exact solution: formula '{formula.text}' uses t; give the solution at rest")
         object.__setattr__(self, "formulas", made)
 
     def values(self, points: Array) -> Array:
         """Values at points (k, d), shape (k, components)."""
-        return np.column_stack([one(points) for one in self._made])
+        return np.column_stack([formula(points) for formula in self._made])
 
     def gradients(self, points: Array) -> Array:
         """Derivatives at points (k, d), shape (k, components, d)."""
-        return np.stack([one.gradient(points) for one in self._made], axis=1)
+        return np.stack([formula.gradient(points) for formula in self._made], axis=1)
 
     @property
     def _made(self) -> list[Formula]:
-        return [one for one in self.formulas if isinstance(one, Formula)]
+        return [formula for formula in self.formulas if isinstance(formula, Formula)]
 
 
 @dataclass(frozen=True)

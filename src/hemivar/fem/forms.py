@@ -281,7 +281,7 @@ class FormProblem(PickleMixin):
             raise ProblemError(
                 f"at is {described(self.at)}; choose 'nodes', or the degree of a rule of quadrature, 0 to {_DEGREE}"
             )
-        rows = {name: self._seen(name, one) for name, one in self.contact.items()}
+        rows = {name: self._seen(name, contact) for name, contact in self.contact.items()}
         if not rows:
             raise ProblemError("contact is empty; name a boundary or a region that touches a foundation")
         if len({seen.components for seen in rows.values()}) > 1:
@@ -311,8 +311,8 @@ class FormProblem(PickleMixin):
         ProblemError
             It depends on time, or the form does not fit the contact.
         """
-        for name, one in self.contact.items():
-            if one.memory is not None or one.damping is not None:
+        for name, contact in self.contact.items():
+            if contact.memory is not None or contact.damping is not None:
                 raise ProblemError(
                     f"contact['{name}'] has memory or damping, which means something in time only; leave it out"
                 )
@@ -413,7 +413,7 @@ class FormProblem(PickleMixin):
         ), dofs
 
     def _contacts(self, time: float | None) -> dict[str, Contact]:
-        return {name: one if time is None else one.at_time(time) for name, one in self.contact.items()}
+        return {name: contact if time is None else contact.at_time(time) for name, contact in self.contact.items()}
 
     def _contact_at(self, time: float | None, values: Array) -> tuple[ContactPoints, Array, VectorLaw, float]:
         """What :func:`join` makes of the contacts at a time, where supports prescribe values (N,)."""
@@ -523,7 +523,7 @@ def _on_one_sparsity(matrices: Sequence[sp.csr_array]) -> list[sp.csr_array]:
     places = tuple(np.concatenate([getattr(part, axis) for part in parts]) for axis in ("row", "col"))
     alike = []
     for own, part in enumerate(parts):
-        data = np.concatenate([part.data if k == own else np.zeros(one.nnz) for k, one in enumerate(parts)])
+        data = np.concatenate([part.data if k == own else np.zeros(other.nnz) for k, other in enumerate(parts)])
         alike.append(sp.csr_array(sp.coo_array((data, places), shape=part.shape)))
         alike[-1].sort_indices()
     return alike

@@ -57,8 +57,8 @@ class JumpUnknowns(PickleMixin):
 
 def _correction(near: sp.csr_array, added: sp.csr_array, rows: IntArray) -> sp.csr_array:
     """``G'A + A G + G'A G`` of the rows ``near (k, n)`` of A and ``added (k, n)`` of G, which has no others."""
-    one = sp.csr_array(added.T @ near)
-    return sp.csr_array(one + one.T + added.T @ (near[:, rows] @ added))
+    half = sp.csr_array(added.T @ near)
+    return sp.csr_array(half + half.T + added.T @ (near[:, rows] @ added))
 
 
 def _ones(matrix: sp.csr_array) -> sp.csr_array:

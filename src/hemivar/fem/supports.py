@@ -55,8 +55,8 @@ class Supports:
         if conflict.any():
             bad = int(np.flatnonzero(conflict)[0])
             node = int(nodes[bad])
-            one = self.value.shape[1] == 1
-            what, along_which = ("values", "") if one else ("displacements", f" along {in_words(directions[bad])}")
+            scalar = self.value.shape[1] == 1
+            what, along_which = ("values", "") if scalar else ("displacements", f" along {in_words(directions[bad])}")
             other = self.names[int(self.owner[node, int(np.argmax(np.abs(along[bad])))])]
             raise SupportError(
                 f"supports '{other}' and '{name}' prescribe different {what} at node {node}, "

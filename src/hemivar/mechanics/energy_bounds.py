@@ -89,11 +89,11 @@ def invariant_derivatives(graph: Graph, node: int, low: Array, high: Array) -> t
 
     ``tr = sqrt(3) q`` and ``dev2 = t^2``; the order is qq, qt, tt.
     """
-    none, one, root = np.zeros(len(low)), np.ones(len(low)), np.sqrt(3.0)
+    none, ones, root = np.zeros(len(low)), np.ones(len(low)), np.sqrt(3.0)
     (q, t), (q_last, t_last) = low.T, high.T
-    slope = np.stack([root * one, none])
+    slope = np.stack([root * ones, none])
     trace = BoxVariable((root * q, root * q_last), (slope, slope))
-    twice = np.stack([none, none, 2.0 * one])
+    twice = np.stack([none, none, 2.0 * ones])
     square = BoxVariable(
         (t * t, t_last * t_last), (np.stack([none, 2.0 * t]), np.stack([none, 2.0 * t_last])), (twice, twice)
     )

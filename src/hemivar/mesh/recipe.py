@@ -51,7 +51,9 @@ class Assembly(PickleMixin):
         with IMPORTS:
             from hemivar.mesh.mesh import Mesh
 
-        return Mesh.assembled({name: one.begin(halvings).refined(one.refine) for name, one in self.parts.items()})
+        return Mesh.assembled(
+            {name: recipe.begin(halvings).refined(recipe.refine) for name, recipe in self.parts.items()}
+        )
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ class MeshRecipe:
         if self.boundaries:
             return 0
         if isinstance(self.source, Assembly):
-            return min(one.halvings for one in self.source.parts.values())
+            return min(recipe.halvings for recipe in self.source.parts.values())
         times = 0
         counts = self.source.cells if isinstance(self.source, Grid) else (1,)
         while all(n % 2 ** (times + 1) == 0 and n >> (times + 1) >= 2 for n in counts):
