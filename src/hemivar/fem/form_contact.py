@@ -131,7 +131,7 @@ class Rows:
         return Rows(rows, weights, self.points[first], normals, self.area, self.sharp[first])
 
     def touching(self, name: str, contact: Contact, free: IntArray, number: tuple[int, tuple[str, ...]]) -> Touching:
-        """The contact points of a contact that is the ``place[0]``th of the names ``place[1]``."""
+        """The contact points of a contact that is the ``number[0]``th of the names ``number[1]``."""
         m, dim, size = len(self.weights), self.points.shape[1], self.components
         frames, rows, blocked = None, self.rows, np.zeros((m, size), dtype=bool)
         if size == 1:

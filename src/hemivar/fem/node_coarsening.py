@@ -126,7 +126,7 @@ class LevelNodes:
 
 
 def _least_squares(offset: Array, square: Array, there: BoolArray) -> Array:
-    """Weights (k, q) of neighbours that lie ``way (k, q, d)`` from a node, which reproduce linear functions."""
+    """Weights (k, q) of neighbours that lie ``offset (k, q, d)`` from a node, which reproduce linear functions."""
     count = there.sum(axis=1)
     mean = square.sum(axis=1) / count
     close = there / (square / mean[:, None] + _SOFT)
