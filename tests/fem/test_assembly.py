@@ -232,8 +232,7 @@ def test_loads_of_functions_by_portions(points: int, monkeypatch: pytest.MonkeyP
     numbers = np.arange(mesh.number_of_cells)
     expected = np.zeros((mesh.number_of_nodes, 3))
     np.add.at(expected, mesh.cells.ravel(), np.repeat(numbers * mesh.volumes / 4.0, 4)[:, None] * vector)
-    monkeypatch.setattr(assembly, "_POINTS", points)
-    monkeypatch.setattr(assembly, "_CHUNK", max(points // 7, 3))
+    monkeypatch.setattr(assembly, "PORTION", points)
     found = integrated_load(mesh, 1, 3, lambda x, number: number[:, None] * vector, {})
     np.testing.assert_allclose(found.reshape(-1, 3), expected, atol=1e-13 * np.abs(expected).max())
 

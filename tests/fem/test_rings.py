@@ -280,3 +280,22 @@ def test_the_distance_of_spheres_is_that_of_their_arcs(order: int) -> None:
     np.testing.assert_allclose(hv.discretize(problem).offset[:, 0], 1e-3, atol=1e-5)
     meshed = hv.discretize(replace(problem, geometry="as-meshed"))  # type: ignore[arg-type]
     assert np.abs(meshed.offset[:, 0] - 1e-3).max() > 1e-3
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_axis_stays_where_it_is_and_its_normal_is_along_it(order: int) -> None:
+    """A cone stands on its blunt tip: beside the axis its side is oblique, and so would a mean of one side be."""
+    flat = hv.rectangle((1.0, 1.0), (4, 4))
+    cone = hv.Mesh(flat.points + flat.points[:, :1] * [0.0, 0.3], flat.cells, flat.boundaries)
+    contact = {"bottom": hv.Contact(hv.Compliance(50.0))}
+    push = {"top": (0.2, -1.0)}
+    found = hv.solve(hv.ContactProblem(cone, steel(), contact, {}, tractions=push, order=order))
+    assert found.problem.field is not None
+    axis = found.problem.field.nodes[:, 0] == 0.0
+    assert axis.sum() == 4 * order + 1
+    assert (found.displacement[axis, 0] == 0.0).all()
+    assert found.contact.points is not None
+    assert found.contact.frames is not None
+    tip = found.contact.points[:, 0] == 0.0
+    assert tip.sum() == (order == 1)  # the corner of a quadratic facet has no weight there
+    assert (found.contact.frames[tip, 0] == [0.0, -1.0]).all()

@@ -276,7 +276,7 @@ def test_functions_are_sampled_and_say_so() -> None:
     material = Material.potential(_quartic, _stress, _tangent, reach=1.0)
     check_material(material)
     assert material.bounds_by is BoundsBy.SAMPLED
-    assert "by the function _energy" in str(material.describe())
+    assert "by the function _quartic" in str(material.describe())
     factors = (
         material.lower_tensor(np.zeros((1, 3)))[0, 0, 0] / 4.0,
         material.upper_tensor(np.zeros((1, 3)))[0, 0, 0] / 4.0,

@@ -17,8 +17,11 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["norm", "real_array", "real_matrix", "unmasked"]
+__all__ = ["SAME", "norm", "real_array", "real_matrix", "unmasked"]
 
+#: Part of the largest of their kind by which two numbers (coordinates, loads, prescribed values) may differ and be the
+#: same: far above rounding (1e-16), far below what anybody means.
+SAME = 1e-9
 #: Squares of norms between which no square of an entry that counts over- or underflows.
 _TINY, _HUGE = 1e-240, 1e240
 #: What NumPy's kinds of entries that are no numbers are called.

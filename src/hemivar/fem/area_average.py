@@ -1,4 +1,4 @@
-"""Forces of a contact over an area for output: averages over cells, in place of values at single nodes.
+"""Recovery of tractions over a contact area: averages over cells, in place of values at single nodes.
 
 A force at a node is exact in the mean only.  Where nodes of a mesh differ in their cells, as the corners and the
 middles of a crossed mesh do, values jump from one to the next however fine the mesh is.  Their mean over a cell is the

@@ -1,4 +1,4 @@
-"""Stiffness and mass by nodes and edges, and load vectors, of fields of c components and elements of order 1 or 2.
+"""Assembly of stiffness (blocks of nodes and edges) and load vectors, for c components and elements of order 1 or 2.
 
 The degree of freedom of component i at node k is ``k c + i``. Nodes of order 2 are the vertices and then the edge
 midpoints of the mesh.
@@ -29,6 +29,7 @@ from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.boundary_rule import boundary_rule
+from hemivar.mesh.keys import PORTION
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -42,10 +43,8 @@ __all__ = [
     "stiffness_matrix",
 ]
 
-#: Edges whose blocks are multiplied, and points at which loads are taken, at a time.
-_CHUNK = 1 << 17
-_POINTS = 1 << 15
-#: In how many portions cells are summed up, and the least number of cells in one, by order.
+#: In how many portions cells are summed up, and the least number of cells in one, by order: what is formed of one is
+#: small beside the matrix.
 _PORTIONS = 16
 _LEAST = {1: 1 << 14, 2: 1 << 12}
 
@@ -97,8 +96,8 @@ def stiffness_blocks(mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> Edge
         four = matrix[law.strains[:, :, None, None], law.strains]  # i, k, j, l
         change = np.ascontiguousarray(four.transpose(1, 3, 0, 2).reshape(dim * dim, dim * dim))
         flat = upper.reshape(-1, dim * dim)
-        for start in range(0, len(flat), _CHUNK):
-            flat[start : start + _CHUNK] = flat[start : start + _CHUNK] @ change
+        for start in range(0, len(flat), PORTION):
+            flat[start : start + PORTION] = flat[start : start + PORTION] @ change
     return _with_hoop(
         EdgeBlocks(_closing_blocks(upper, graph.edges, graph.count), upper, graph.edges), mesh, law, graph
     )
@@ -286,8 +285,8 @@ def _add_load(
                 share += part * np.bincount(node, weights=measures, minlength=len(load))
             load += share[:, None] * density
         return
-    for start in range(0, len(simplices), _CHUNK):
-        part = slice(start, start + _CHUNK)
+    for start in range(0, len(simplices), PORTION):
+        part = slice(start, start + PORTION)
         owner = np.arange(start, start + len(nodes[part]))
         local = _integrals(points, simplices[part], owner, barycentric, weights[:, None] * shapes, density)
         for component, own in zip(load.T, local, strict=True):
@@ -307,7 +306,7 @@ def _integrals(
 
     Shapes: ``table`` (q, L), the shape functions times the weights of the rule.
     """
-    means, step = [], max(_POINTS // len(table), 1)
+    means, step = [], max(PORTION // len(table), 1)
     for start in range(0, len(simplices), step):
         part = slice(start, start + step)
         # One coordinate after the other in memory, as functions take them.

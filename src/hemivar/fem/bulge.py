@@ -1,4 +1,4 @@
-"""How far the arcs deviate from the facets that stand for them.
+"""Curved geometry: how far the arcs through the nodes deviate from the flat facets that stand for them.
 
 Where facets follow each other at small angles the mesh replaces a curve by its chords.  Along an edge of length h an
 arc of curvature k is off by ``k h^2 xi (1 - xi)/2``.  The curvature at a node is that of the parabola, in space of the
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.contact_basis import nodal_values
 from hemivar.fem.elements import shape_values
@@ -29,8 +30,8 @@ __all__ = ["Arcs", "Bulge", "arcs_of_pair", "bulge"]
 
 #: Share of a normal matrix below which nodes do not fix a paraboloid.
 _FLAT = 1e-8
-#: Changes of distances that are rounding, of the size of the mesh, and share of a bulge that it may be off by.
-_ROUNDED, _INEXACT = 1e-9, 1e-2
+#: Share of a bulge that it may be off by: a parabola is 0.8 % off a circle whose facets turn by 20 degrees.
+_INEXACT = 1e-2
 #: How much lower psi-weighted means of a parabola are than its values, by how much these are than the next ones, by
 #: dimension; in space on regular triangles.
 _LOWER = {2: 1.0 / 6.0, 3: 0.25}
@@ -97,7 +98,7 @@ def arcs_of_pair(problem: ContactProblem, name: str, projection: Mortar, normal:
         return Arcs(np.zeros(projection.nodes.size), 0.0, ())
     arcs, left = (-np.einsum("kd,kd->k", normal, projection.mean(*both)) for both in fields)
     size, off = (max(float(np.linalg.norm(part, axis=2).max()) for part in both) for both in fields)
-    seen, more = (float(np.abs(part).max()) > _ROUNDED * problem.mesh.size for part in (arcs, left))
+    seen, more = (float(np.abs(part).max()) > SAME * problem.mesh.size for part in (arcs, left))
     warnings: tuple[str, ...] = ()  # so it stays where sides are flat, or the facets of both coincide
     if problem.geometry is Geometry.AS_MESHED:
         if seen:
@@ -248,8 +249,8 @@ class _Net:
     def _fitted(self, normals: Array, node: IntArray, other: IntArray) -> tuple[Array, Array]:
         """Normals (n, d) and curvatures (n, d, d) at nodes (c,) by others (c,), of heights along normals (n, d).
 
-        ``height (t . t)/(way . way) = slope . t + curvature (t . t)/2``: along their own normals nodes of a circle or a
-        sphere have its curvature exactly.
+        ``height (t . t)/(chord . chord) = slope . t + curvature (t . t)/2``: along their own normals nodes of a circle
+        or a sphere have its curvature exactly.
         """
         chord, (count, dim) = self.points[other] - self.points[node], normals.shape
         tangents = np.linalg.svd(normals[:, None])[2][:, 1:]

@@ -1,4 +1,4 @@
-"""How stresses follow from strains at places of a body; of one component how the flux follows from the gradient."""
+"""Constitutive laws: how stresses follow from strains, of one component the flux from the gradient."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The basis in which contact sees a displacement of order 2 in space.
+"""Basis functions of contact with positive integrals (lumped weights), also for quadratic facets in space.
 
 The integrals of the quadratic functions of the corners of a triangle vanish.  With a part of those of the middles
 beside, ``phi_v + alpha sum phi_e`` at corners and ``(1 - 2 alpha) phi_e`` at middles, all are positive (Popp, Wohlmuth,
@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import shape_values
@@ -33,8 +34,6 @@ __all__ = [
     "seen_values",
 ]
 
-#: Share of a weight in that of facets at the largest radius that is rounding.
-_NONE = 1e-9
 #: With it the weight of a corner is 2/15 of the triangle, and that of a middle 1/5.
 _ALPHA = 0.2
 #: How far a gap may be off the parabola of an edge, of the second difference there: less than at a kink or a step.
@@ -72,7 +71,7 @@ def contact_weights(mesh: Mesh, rule: BoundaryRule, body: BodyKinematics) -> tup
     size, own = np.zeros(count), np.zeros(count)
     np.add.at(size, rule.nodes, rule.weights[:, None])
     np.add.at(own, rule.nodes, rule.weights[:, None] * parts)
-    return own, np.asarray(own <= _NONE * float(body.measure(mesh.points).max()) * size)
+    return own, np.asarray(own <= SAME * float(body.measure(mesh.points).max()) * size)
 
 
 def lagrange_moments(moments: Array) -> Array:

@@ -1,4 +1,4 @@
-"""From the contact boundaries of a statement to contact points in terms of the unknowns."""
+"""Contact points (collocation at nodes or midpoints, trace operator B): from the boundaries of a statement."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair, bulge
 from hemivar.fem.contact_basis import contact_weights, seen_gap, seen_values
+from hemivar.fem.elements import ROUNDED
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
-from hemivar.fem.sharp_corners import handed_on
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
@@ -43,15 +44,13 @@ __all__ = [
     "shares",
 ]
 
-#: Entries of the trace below this are rounding.
-_ZERO = 1e-12
 #: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the size of the mesh or the
 #: largest value; and what that of coordinates makes of it.
 _ROUNDED, _EPSILONS = 1e-12, 8.0 * np.finfo(float).eps
 #: Share of the master's displacements in a jump from which they count where supports hold the slave.
 _SEEN = 1e-2
-#: Overlap of two bodies that is no rounding, of their size, and degrees between facets that a projection can bear.
-_OVERLAP, _TURNED = 1e-9, 30.0
+#: Degrees between facets that a projection can bear.
+_TURNED = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +214,7 @@ def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> t
     """
     title, sides = _called(problem, name), problem.pair(name)
     pieces = _facing(problem, sides, title)
-    touching, away = np.flatnonzero(pieces.touches), handed_on(pieces)
+    touching, away = np.flatnonzero(pieces.touches), pieces.beyond_corners
     counted = pieces.covered[touching, None] * ~away[touching]
     nodes, normal = _nodal_normals(problem, sides[0], pieces.sides[0].take(touching), supports, counted)
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
@@ -293,7 +292,7 @@ def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
 
 def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> tuple[str, ...]:
     warnings = []
-    if overlap > _OVERLAP * float(np.ptp(nodes, axis=0).max()):
+    if overlap > SAME * float(np.ptp(nodes, axis=0).max()):
         warnings.append(
             f"{title}: the meshes overlap by up to {overlap:.3g}, which is taken for an interference; if it is not "
             "meant, move one of the bodies"
@@ -325,8 +324,8 @@ def area_contacts(problem: ContactProblem, supports: Supports, others: list[Boun
     """The contact points of areas of a plane body: nodes that slide, with two tangents and no normal."""
     nodes, dim = supports.nodes, problem.mesh.dim
     names, free = tuple(problem.contact), supports.count < dim
-    beside = [one.points for one in others if one.points.count]
-    taken = [(one.names[one.boundary[0]], np.unique(one.seen // dim)) for one in beside]
+    beside = [group.points for group in others if group.points.count]
+    taken = [(points.names[points.boundary[0]], np.unique(points.seen // dim)) for points in beside]
     groups = []
     for site in _sites(problem, len(nodes), list(problem.areas)):
         for name, own in taken:
@@ -420,7 +419,7 @@ class _Site:
 def _joint(problem: ContactProblem, name: str, fixed: BoolArray, taken: BoolArray) -> _Site:
     """The nodes of the slave of two bodies.
 
-    ``held (nodes,)`` are those whose values supports prescribe, ``taken (nodes,)`` those of contact with foundations:
+    ``fixed (nodes,)`` are those whose values supports prescribe, ``taken (nodes,)`` those of contact with foundations:
     both leave the joint to the nodes beside them, where there are some.
     """
     mesh, sides, title = problem.mesh, problem.pair(name), _called(problem, name)
@@ -609,7 +608,7 @@ def frames_of(normal: Array) -> Array:
 def adapted(frames: Array, fixed: Array, count: IntArray) -> tuple[Array, BoolArray]:
     """Turn tangents to what supports leave free, and mark rows that depend on a row before them.
 
-    ``held (k, d, d)`` are orthonormal directions that supports hold, of which ``count (k,)`` are not zero.
+    ``fixed (k, d, d)`` are orthonormal directions that supports hold, of which ``count (k,)`` are not zero.
     """
     frames = frames.copy()
     normal = frames[:, 0]
@@ -658,7 +657,7 @@ def join(
 
     trace = sp.csr_array(full @ basis)
     rows = np.repeat(np.arange(trace.shape[0]), np.diff(trace.indptr))
-    small = np.abs(trace.data) < _ZERO * np.abs(full.data).max(initial=0.0)
+    small = np.abs(trace.data) < ROUNDED * np.abs(full.data).max(initial=0.0)
     trace.data[small | blocked.ravel()[rows]] = 0.0
     whole = np.abs(np.abs(trace.data) - 1.0) < 1e-14
     trace.data[whole] = np.sign(trace.data[whole])

@@ -1,4 +1,4 @@
-"""Matrices of element blocks in directions of every node, some of which are held."""
+"""Matrices of element blocks in rotated nodal directions, some of which supports fix (Dirichlet)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.supports import DEPENDENT
 from hemivar.linear.factorisation import factorise
 
 __all__ = ["DirectedMatrix", "directed_matrix"]
-
-#: Eigenvalue of a sum of projections from which a direction is held.
-_HELD = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +38,8 @@ class DirectedMatrix:
         seen = np.unique(rows.indices).astype(np.int64)
         schur = factorise(sp.csr_array(self.matrix), seen).schur
         on_seen = rows[:, seen].toarray()
-        found = on_seen @ la.solve(schur, on_seen.T, assume_a="sym")
-        return np.asarray(0.5 * (found + found.T))
+        compliance = on_seen @ la.solve(schur, on_seen.T, assume_a="sym")
+        return np.asarray(0.5 * (compliance + compliance.T))
 
     def rows(self, nodes: IntArray, weights: Array) -> sp.csr_array:
         """The matrix (rows, n) of ``sum over q and i of weights[..., q, i] u_i(nodes[..., q])``.
@@ -60,14 +58,14 @@ class DirectedMatrix:
 def directed_matrix(blocks: Array, nodes: IntArray, fixed: Array) -> DirectedMatrix:
     """Sum up blocks.
 
-    Shapes: ``blocks`` (M, k d, k d), ``nodes`` (M, k), ``held`` (N, d, d).
+    Shapes: ``blocks`` (M, k d, k d), ``nodes`` (M, k), ``fixed`` (N, d, d).
     """
     count, dim = fixed.shape[:2]
     touched: BoolArray = np.asarray(fixed.any(axis=(1, 2)))
     directions = np.broadcast_to(np.eye(dim), fixed.shape).copy()
     free = np.ones((count, dim), dtype=bool)
     values, directions[touched] = np.linalg.eigh(fixed[touched])
-    free[touched] = values < _HELD
+    free[touched] = values < DEPENDENT
     number = np.full((count, dim), -1, dtype=np.int64)
     number[free] = np.arange(np.count_nonzero(free))
     some = np.flatnonzero(touched[nodes].any(axis=1))

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import logging
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -58,8 +59,8 @@ __all__ = ["bedding_warning", "coarse_problem", "discretize", "friction_warning"
 
 #: Contact points named in a warning.
 _SHOWN = 8
-#: Share of a bedding in the stiffness from which nobody misses the digits it costs, and the digits that there are.
-_SOFT, _DIGITS = 1e-8, 16
+#: Share of a bedding in the stiffness from which nobody misses the digits it costs: half of those that there are.
+_SOFT = 1e-8
 
 
 @known_keywords
@@ -136,10 +137,9 @@ def _discretize(
         raise SupportError("the supports leave the problem no freedom; refine the mesh or remove supports")
 
     full_load = stated_load(problem)
-    one = problem.components == 1
     field = Field(
-        mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift, constants=one,
-        ring=problem.kinematics.ring,
+        mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift,
+        constants=problem.components == 1, ring=problem.kinematics.ring,
     )  # fmt: skip
     contact, offset, law, energy = conditions.contact()
     if problem.material.linear:
@@ -235,17 +235,18 @@ def bedding_warning(share: float, field: Field) -> str | None:
     """How many digits motions lose that a soft bedding alone holds, in words; None where it is stiff, or none is so."""
     if not 0.0 < share < _SOFT or not (field.kernel_known and field.free_motions.count):
         return None
-    lost = min(round(-math.log10(share)), _DIGITS)
+    digits = sys.float_info.dig + 1
+    lost = min(round(-math.log10(share)), digits)
     return (
         f"the bedding is {share:.0e} of the stiffness of the elements: motions that only the bedding resists lose "
         f"about {lost} "
-        f"of {_DIGITS} digits; add a support, or state a stiffer bedding"
+        f"of {digits} digits; add a support, or state a stiffer bedding"
     )
 
 
 def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
     """Refuse a statement that depends on time, and, unless it is part of an evolution, damping and memory."""
-    gaps = [one.gap for one in problem.contact.values()]
+    gaps = [contact.gap for contact in problem.contact.values()]
     gap = "a level" if problem.components == 1 else "a gap" if any(map(depends_on_time, gaps)) else "a belt"
     words = {"load": "a load", "supports": "a support", "gap": gap, "law": "a law"}
     depends = [word for part, word in words.items() if part in problem.time_dependent]

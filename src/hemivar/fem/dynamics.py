@@ -1,4 +1,4 @@
-"""The matrices of a problem in time: stiffness, viscosity, mass and those of branches, on one sparsity."""
+"""Matrices of a problem in time: stiffness, damping (viscosity), mass and those of branches, on one sparsity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Symmetric matrices of blocks that couple the nodes of common cells."""
+"""Block-sparse symmetric matrices by nodes and edges, which couple the nodes of common cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stored energy of a body that is not linear, integrated: its value, its forces and its stiffness at a field."""
+"""Stored energy of a nonlinear body, integrated: value, internal forces (residual) and tangent stiffness at a field."""
 
 from __future__ import annotations
 

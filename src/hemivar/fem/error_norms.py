@@ -1,4 +1,4 @@
-"""Norms of what a field of elements is off a field that is known: energy, and mean square."""
+"""Error norms of a discrete field against a known one: energy norm and L2 norm."""
 
 from __future__ import annotations
 
@@ -25,82 +25,47 @@ _HIGHER = 4
 
 @dataclass(frozen=True)
 class KnownField:
-    """A displacement, or the unknown of a scalar problem, given by formulas of the place.
-
-    Parameters
-    ----------
-    formulas : sequence of Formula or str
-        One for each component.
-
-    Raises
-    ------
-    ProblemError
-        There is none, a text is no formula, or one depends on the time.
-    """
+    """A displacement, or the unknown of a scalar problem, given by formulas of the place."""
 
     formulas: Sequence[Formula | str]
 
     def __post_init__(self) -> None:
         given = [self.formulas] if isinstance(self.formulas, str) else list(self.formulas)
-        made = tuple(one if isinstance(one, Formula) else Formula(one, "exact solution") for one in given)
+        made = tuple(
+            formula if isinstance(formula, Formula) else Formula(formula, "exact solution") for formula in given
+        )
         if not made:
             raise ProblemError("the exact solution has no components; give a formula for each")
-        for one in made:
-            if TIME in one.variables:
-                raise ProblemError(f"exact solution: formula '{one.text}' uses t; give the solution at rest")
+        for formula in made:
+            if TIME in formula.variables:
+                raise ProblemError(f"exact solution: formula '{formula.text}' uses t; give the solution at rest")
         object.__setattr__(self, "formulas", made)
 
     def values(self, points: Array) -> Array:
         """Values at points (k, d), shape (k, components)."""
-        return np.column_stack([one(points) for one in self._made])
+        return np.column_stack([formula(points) for formula in self._made])
 
     def gradients(self, points: Array) -> Array:
         """Derivatives at points (k, d), shape (k, components, d)."""
-        return np.stack([one.gradient(points) for one in self._made], axis=1)
+        return np.stack([formula.gradient(points) for formula in self._made], axis=1)
 
     @property
     def _made(self) -> list[Formula]:
-        return [one for one in self.formulas if isinstance(one, Formula)]
+        return [formula for formula in self.formulas if isinstance(formula, Formula)]
 
 
 @dataclass(frozen=True)
 class ErrorNorms:
-    """Two norms of a field e.
+    """Two norms of a field e."""
 
-    Attributes
-    ----------
-    energy : float
-        ``sqrt(int eps(e) : C eps(e))``, or ``sqrt(int A grad e . grad e)`` of a scalar problem: without bedding. Of a
-        material that is not linear C is its lower tensor C_low, in whose norm errors are bounded; where none is known
-        the stiffness at rest.
-    mean_square : float
-        ``sqrt(int |e|^2)``.
-    """
-
+    #: ``sqrt(int eps(e) : C eps(e))`` or ``sqrt(int A grad e . grad e)``, without bedding.  Of a material that is not
+    #: linear C is its lower tensor, in whose norm errors are bounded; where none is known the stiffness at rest.
     energy: float
-    mean_square: float
+    mean_square: float  # ``sqrt(int |e|^2)``
 
 
 def error_norms(problem: ContactProblem, values: Array, known: KnownField | None = None) -> ErrorNorms:
-    """Norms of ``u - known``, or of u, by quadrature: exact without formulas and with a homogeneous material.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        Mesh, order of the elements and material.
-    values : array, shape (nodes, components)
-        u at the nodes.
-    known : KnownField, optional
-
-    Returns
-    -------
-    ErrorNorms
-
-    Raises
-    ------
-    ProblemError
-        The known field has another number of components, or is not finite.
-    """
+    """Norms of ``u - known``, or of u (nodes, c); exact without formulas and with a homogeneous material."""
     mesh, order = problem.mesh, problem.order
     if known is not None and len(known.formulas) != values.shape[1]:
         what = "displacement" if values.shape[1] > 1 else "unknown"

@@ -1,4 +1,4 @@
-"""Which facets stand in columns along normals: a tree of boxes, walked by all columns at once."""
+"""Bounding volume hierarchy: which facets stand in columns along normals, all columns searched at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Strains, stresses and norms of displacement fields."""
+"""Post-processing of displacement fields: strains, stresses, nodal averages and norms."""
 
 from __future__ import annotations
 

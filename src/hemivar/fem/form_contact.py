@@ -1,4 +1,4 @@
-"""Contact points of a body of forms: what touches at the points of a rule, and what of it is free to move."""
+"""Contact points of a body of bilinear forms: traces at quadrature points or nodes, and what of them is free."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import skfem
 
 from hemivar.basics.arguments import UNFIT, shortened
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import SAME, real_array
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
@@ -48,10 +48,8 @@ _MIDDLE = {
     "tet": ([[0.25, 0.25, 0.25]], [1 / 6]),
     "hex": ([[0.5, 0.5, 0.5]], [1.0]),
 }
-#: Share of the size of the mesh below which two places are one.
-_SAME = 1e-9
-#: Share of the largest square of a displacement that counts as none, and of sums of a trace that is rounding.
-_HELD, _ROUNDED = 1e-12, 1e-9
+#: Share of the largest square of a displacement that counts as none: the square of 1e-6, and so above its rounding.
+_HELD = 1e-12
 #: Sizes of the combinations of basis functions of which a trace must be the combination of traces.
 _COMBINED = (0.0, 1.0, -1e3)
 
@@ -61,7 +59,7 @@ TraceOf = Callable[..., object]
 
 def nearness(mesh: ScikitFem) -> float:
     """The distance below which two places are one."""
-    return _SAME * float(np.ptp(mesh.p, axis=1).max())
+    return SAME * float(np.ptp(mesh.p, axis=1).max())
 
 
 def rows_on(basis: ScikitFem, name: str, facets: IntArray | None, trace: TraceOf | None, at: str | int) -> Rows:
@@ -133,7 +131,7 @@ class Rows:
         return Rows(rows, weights, self.points[first], normals, self.area, self.sharp[first])
 
     def touching(self, name: str, contact: Contact, free: IntArray, number: tuple[int, tuple[str, ...]]) -> Touching:
-        """The contact points of a contact that is the ``place[0]``th of the names ``place[1]``."""
+        """The contact points of a contact that is the ``number[0]``th of the names ``number[1]``."""
         m, dim, size = len(self.weights), self.points.shape[1], self.components
         frames, rows, blocked = None, self.rows, np.zeros((m, size), dtype=bool)
         if size == 1:
@@ -284,7 +282,7 @@ def _traced(
 def _refuse_not_linear(basis: Sequence[Sequence[ScikitFem]], trace: TraceOf, table: Array, name: str) -> None:
     """A trace of a combination of basis functions is that of their traces."""
     share = 1.0 + 0.5 * np.cos(np.arange(len(basis)))
-    rounding = _ROUNDED * np.einsum("f,fcep->cep", share, np.abs(table)).max(axis=(1, 2), keepdims=True)
+    rounding = SAME * np.einsum("f,fcep->cep", share, np.abs(table)).max(axis=(1, 2), keepdims=True)
     for size in _COMBINED:
         fields = [_combination(parts, size * share) for parts in zip(*basis, strict=True)]
         combined = _traced(trace, fields, name, table.shape[2:], False)

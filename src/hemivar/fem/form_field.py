@@ -1,4 +1,4 @@
-"""The field of a basis of scikit-fem, over a mesh of simplices between its nodes: for pictures, files and time.
+"""Field of a scikit-fem basis on simplices between its nodes (nodal interpolation): for pictures, files and time.
 
 Elements of order 1 and 2 on triangles and tetrahedra keep their order.  Quadrilaterals and hexahedra are split between
 their nodes into simplices of order 1, alike on both sides of a face: values at nodes are exact.
@@ -14,6 +14,7 @@ import scipy.sparse as sp
 import skfem
 from numpy.lib.stride_tricks import sliding_window_view
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
@@ -28,8 +29,6 @@ _CUBE = np.array([0, 1, 3, 2, 4, 5, 7, 6])
 #: Elements with one value at each node, and their orders.
 _SIMPLEX = {"ElementTriP1": 1, "ElementTriP2": 2, "ElementTetP1": 1, "ElementTetP2": 2}
 _LATTICE = ("ElementQuad1", "ElementQuad2", "ElementHex1", "ElementHex2")
-#: Part of the size of a mesh within which places are one.
-_SAME = 1e-9
 
 #: Bases, forms, meshes and elements of scikit-fem, which states no types.
 ScikitFem = Any
@@ -90,7 +89,7 @@ def nearest_nodes(field: Field, points: Array) -> IntArray:
         from scipy.spatial import cKDTree
 
     off, node = cKDTree(field.nodes).query(points)
-    return np.where(off <= _SAME * float(np.ptp(field.nodes, axis=0).max()), node, -1).astype(np.int64)
+    return np.where(off <= SAME * float(np.ptp(field.nodes, axis=0).max()), node, -1).astype(np.int64)
 
 
 def _partial(mesh: Mesh, dofs: IntArray, free: IntArray, values: Array) -> Field:

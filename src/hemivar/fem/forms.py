@@ -1,4 +1,4 @@
-"""A body by any basis and form of scikit-fem: supports, contact at nodes or quadrature points, mixed bodies."""
+"""Bodies by any basis and bilinear form of scikit-fem: supports, contact at nodes or quadrature points, mixed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import scipy.sparse as sp
 import skfem
 
 from hemivar.basics.arguments import UNFIT, answer, described, expect, number, quoted, shortened, suggest
-from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.arrays import SAME, real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -29,7 +29,7 @@ from hemivar.fem.contact_points import join
 from hemivar.fem.discretize import friction_warning
 from hemivar.fem.form_contact import Rows, Touching, TraceOf, nearness, rows_on, share_nodes
 from hemivar.fem.form_field import ScikitFem, form_field, nearest_nodes, rows_of
-from hemivar.fem.mixed_bulk import MixedBulk, refuse_skew
+from hemivar.fem.mixed_bulk import NULL, MixedBulk, refuse_skew
 from hemivar.fem.supports import in_words
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.foundation import Contact
@@ -37,8 +37,6 @@ from hemivar.mechanics.instants import at_time, depends_on_time
 
 __all__ = ["FormBody", "FormProblem", "of_forms"]
 
-#: Share of the largest eigenvalue that counts as none.
-_DEPENDENT = 1e-10
 #: Highest degree of a rule of quadrature.
 _DEGREE = 30
 #: Most rows of a trace whose rank is examined.
@@ -86,7 +84,7 @@ class FormBody:
     _matrix: sp.csr_array = field(init=False, repr=False)
     _in_time: Mapping[str, sp.csr_array] = field(init=False, repr=False)
     _loads: Array = field(init=False, repr=False)
-    _held: BoolArray = field(init=False, repr=False)
+    _fixed: BoolArray = field(init=False, repr=False)
     _values: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -104,7 +102,7 @@ class FormBody:
         given = [name for name in ("mass", "viscosity") if getattr(self, name) is not None]
         object.__setattr__(self, "_in_time", {name: self._assembled(name) for name in given})
         object.__setattr__(self, "_loads", load)
-        object.__setattr__(self, "_held", fixed)
+        object.__setattr__(self, "_fixed", fixed)
         object.__setattr__(self, "_values", values)
 
     @property
@@ -120,7 +118,7 @@ class FormBody:
     @property
     def free(self) -> IntArray:
         """Numbers of the unknowns that no support holds."""
-        return np.flatnonzero(~self._held)
+        return np.flatnonzero(~self._fixed)
 
     def _assembly(self, name: str, kind: type[ScikitFem]) -> ScikitFem:
         """What a form, an array or a matrix of this name is on the basis."""
@@ -149,7 +147,7 @@ class FormBody:
 
     def _prescribed(self, time: float | None = None) -> tuple[BoolArray, Array]:
         """Which unknowns supports hold, and at what values; what depends on time counts as 0 without one."""
-        fixed = _Held(self.basis)
+        fixed = _FixedUnknowns(self.basis)
         for name, parts in self.stated():
             dofs = self.basis.get_dofs(self.facets(name, "supports"))
             for part, value in parts.items():
@@ -157,15 +155,15 @@ class FormBody:
                 what = f"supports['{name}']" + (f"['{part}']" if part else "")
                 known = value if time is None else at_time(value, time)
                 if depends_on_time(known):
-                    fixed.hold(numbers, what, np.full(numbers.size, np.nan))
+                    fixed.fix(numbers, what, np.full(numbers.size, np.nan))
                     continue
                 if callable(known):
                     places = self.basis.doflocs[:, numbers]
                     known = answer(known, (places,), what, f"give a function of places, shape {places.shape}")
-                fixed.hold(numbers, what, _one_each(known, numbers.size, what))
+                fixed.fix(numbers, what, _one_each(known, numbers.size, what))
         further = _numbers(self.fixed, int(self.basis.N))
-        fixed.hold(further, "fixed", np.zeros(further.size))
-        return fixed.held, np.nan_to_num(fixed.values)
+        fixed.fix(further, "fixed", np.zeros(further.size))
+        return fixed.fixed, np.nan_to_num(fixed.values)
 
     def stated(self) -> Iterator[tuple[str, Mapping[str, object]]]:
         """What supports prescribe, by boundary and by the name of unknowns, empty for all of them."""
@@ -205,7 +203,7 @@ class FormBody:
             raise ProblemError(f"unknowns has shape {unknowns.shape}; give solution.unknowns, ({problem.load.size},)")
         if isinstance(bulk, MixedBulk):
             stated = bulk.reduced()[0]
-            if np.abs(problem.load - stated).max(initial=0.0) > 1e-9 * np.abs(stated).max(initial=0.0):
+            if np.abs(problem.load - stated).max(initial=0.0) > SAME * np.abs(stated).max(initial=0.0):
                 raise ProblemError(
                     "the other unknowns of a mixed body are known under its stated load, and this problem has another "
                     "one; state that load in the form"
@@ -283,7 +281,7 @@ class FormProblem(PickleMixin):
             raise ProblemError(
                 f"at is {described(self.at)}; choose 'nodes', or the degree of a rule of quadrature, 0 to {_DEGREE}"
             )
-        rows = {name: self._seen(name, one) for name, one in self.contact.items()}
+        rows = {name: self._seen(name, contact) for name, contact in self.contact.items()}
         if not rows:
             raise ProblemError("contact is empty; name a boundary or a region that touches a foundation")
         if len({seen.components for seen in rows.values()}) > 1:
@@ -313,8 +311,8 @@ class FormProblem(PickleMixin):
         ProblemError
             It depends on time, or the form does not fit the contact.
         """
-        for name, one in self.contact.items():
-            if one.memory is not None or one.damping is not None:
+        for name, contact in self.contact.items():
+            if contact.memory is not None or contact.damping is not None:
                 raise ProblemError(
                     f"contact['{name}'] has memory or damping, which means something in time only; leave it out"
                 )
@@ -395,7 +393,7 @@ class FormProblem(PickleMixin):
             A mass or viscosity is not symmetric, or negative.
         """
         body = self.body
-        fixed = body._held
+        fixed = body._fixed
         moving = fixed if "supports" in self.time_dependent else fixed & (body._prescribed(0.0)[1] != 0.0)
         dofs = np.flatnonzero(moving)
         stated = {"form": body._matrix, **body._in_time}
@@ -415,7 +413,7 @@ class FormProblem(PickleMixin):
         ), dofs
 
     def _contacts(self, time: float | None) -> dict[str, Contact]:
-        return {name: one if time is None else one.at_time(time) for name, one in self.contact.items()}
+        return {name: contact if time is None else contact.at_time(time) for name, contact in self.contact.items()}
 
     def _contact_at(self, time: float | None, values: Array) -> tuple[ContactPoints, Array, VectorLaw, float]:
         """What :func:`join` makes of the contacts at a time, where supports prescribe values (N,)."""
@@ -455,19 +453,19 @@ def _check_basis(basis: ScikitFem) -> None:
         raise ProblemError("basis does not know the places of its unknowns; make it without disable_doflocs=True")
 
 
-class _Held:
+class _FixedUnknowns:
     """Unknowns of a basis that are held, accumulated support by support; nan is a value that is not known yet."""
 
     def __init__(self, basis: ScikitFem) -> None:
         self.basis = basis
-        self.held, self.values = np.zeros(int(basis.N), dtype=bool), np.zeros(int(basis.N))
+        self.fixed, self.values = np.zeros(int(basis.N), dtype=bool), np.zeros(int(basis.N))
         self.owner, self.names = np.zeros(int(basis.N), dtype=np.int64), [""]
 
-    def hold(self, numbers: IntArray, name: str, values: Array) -> None:
+    def fix(self, numbers: IntArray, name: str, values: Array) -> None:
         """Hold unknowns (k,) at values (k,); refuse other ones than those of a support before."""
-        apart = np.where(self.held[numbers], np.abs(values - self.values[numbers]), 0.0)
+        apart = np.where(self.fixed[numbers], np.abs(values - self.values[numbers]), 0.0)
         largest = max(float(np.nanmax(np.abs(part), initial=0.0)) for part in (values, self.values))
-        conflict = np.flatnonzero(apart > 1e-9 * largest)
+        conflict = np.flatnonzero(apart > SAME * largest)
         if conflict.size:
             first = int(numbers[conflict[0]])
             raise SupportError(
@@ -477,7 +475,7 @@ class _Held:
             )
         self.owner[numbers] = len(self.names)
         self.names.append(name)
-        self.held[numbers], self.values[numbers] = True, values
+        self.fixed[numbers], self.values[numbers] = True, values
 
 
 def _unknowns(dofs: ScikitFem, name: str, part: str) -> IntArray:
@@ -525,7 +523,7 @@ def _on_one_sparsity(matrices: Sequence[sp.csr_array]) -> list[sp.csr_array]:
     places = tuple(np.concatenate([getattr(part, axis) for part in parts]) for axis in ("row", "col"))
     alike = []
     for own, part in enumerate(parts):
-        data = np.concatenate([part.data if k == own else np.zeros(one.nnz) for k, one in enumerate(parts)])
+        data = np.concatenate([part.data if k == own else np.zeros(other.nnz) for k, other in enumerate(parts)])
         alike.append(sp.csr_array(sp.coo_array((data, places), shape=part.shape)))
         alike[-1].sort_indices()
     return alike
@@ -541,7 +539,7 @@ def _refuse_dependent(trace: sp.csr_array, at: str | int) -> None:
     if not rows.shape[0] or rows.shape[0] > _EXAMINED:
         return
     values = np.linalg.eigvalsh((rows @ rows.T).toarray())
-    missing = int(np.count_nonzero(values < _DEPENDENT * values[-1]))
+    missing = int(np.count_nonzero(values < NULL * values[-1]))
     if missing:
         remedy = (
             "separate boundaries and regions that share nodes"

@@ -1,4 +1,4 @@
-"""Growing loads of what a function is given."""
+"""Load ramps of what a function is given: load factors of a statement or a discrete problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The coarser discrete problem below a discrete problem: linear elements, or where its mesh is a refinement."""
+"""Geometric multigrid: the coarser discrete problem (linear elements, or the coarser mesh) and its prolongation."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from hemivar.discrete.space import Field
 from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
+from hemivar.fem.elements import ROUNDED
 from hemivar.fem.stress_stiffness import Stressed, stressed_problem
 from hemivar.mesh.mesh import Mesh
 
@@ -29,34 +30,16 @@ class Coarser:
     """A coarser problem and the way from its unknowns to those of the finer one.
 
     Below elements of order 2 in space are linear ones on the same mesh.
-
-    Attributes
-    ----------
-    problem : DiscreteProblem
-        The same contact problem on the mesh that was refined.
-    prolongation : sparse array, shape (n, n_coarse)
-        ``U = P u + u0`` interpolated, without the prescribed displacements: what a change of the coarse unknowns
-        changes in the fine ones.
-    field : Field
-        Of the finer problem.
-    shared : int array
-        The contact point of the finer problem at the place of each contact point of the coarser one.
-    pairs : mapping
-        Contact points of two bodies on the coarser mesh, by boundary.
-    shift : array, shape (n,), or None
-        Fine unknowns of what prescribed displacements are carried into the body as by the coarser problem, where that
-        is not a part of its field.
-    interpolation : sparse array, shape (nodes, coarse nodes), or None
-        Nodal values of the finer field by those of the coarser one; None where unknowns of one mesh are left out.
     """
 
-    problem: DiscreteProblem
-    prolongation: sp.csr_array
-    field: Field
-    shared: IntArray
-    pairs: Mapping[str, BoundaryContact]
+    problem: DiscreteProblem  # the same one on the mesh that was refined
+    prolongation: sp.csr_array  # (n, n_coarse), of changes: prescribed displacements are left out
+    field: Field  # of the finer problem
+    shared: IntArray  # the contact point of the finer problem at the place of each of the coarser one
+    pairs: Mapping[str, BoundaryContact]  # contact points of two bodies on the coarser mesh, by boundary
+    #: Fine unknowns (n,) of what prescribed displacements are carried on into, where that is no part of the field.
     shift: Array | None = None
-    interpolation: sp.csr_array | None = None
+    interpolation: sp.csr_array | None = None  # (nodes, coarse nodes); None where unknowns of one mesh are left out
 
     def on_coarse_mesh(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
@@ -112,11 +95,6 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     Stiffness and weights are those of the coarser mesh, the load is what the prolongation makes of the finer one, and
     gap and law are taken over at the nodes that both meshes share: so a load, a gap or a law that was changed after
     discretisation counts as well.  The matrix of a step in time is combined as on the finer mesh, and not assembled.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        From :func:`discretize`, with nodal quadrature.
     """
     field, statement = problem.field, problem.origin
     if not has_coarser(problem):
@@ -139,7 +117,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     coarse = coarse_problem(replace(statement, mesh=mesh, order=1), start, pairs)
     assert coarse.field is not None
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
-    prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
+    prolongation.data[np.abs(prolongation.data) < ROUNDED] = 0.0
     prolongation.eliminate_zeros()
     points = _shared_points(problem.contact, coarse.contact, interpolation)
     step = Coarser(coarse, prolongation, field, points, pairs, interpolation=interpolation)

@@ -1,4 +1,4 @@
-"""Where the unknowns of a body that is not linear begin: prescribed displacements, carried on into the body.
+"""Dirichlet lift: prescribed displacements carried on into a nonlinear body, from which its unknowns count.
 
 Zero inside and displaced at the supports is a strain that grows without bound as the mesh is refined.  The rest state
 is that of the linear body without strain instead, on springs as stiff as the foundation is at rest, under the
@@ -45,7 +45,7 @@ def linear_response(field: Field, stiffness: sp.csr_array, force: Array) -> Arra
 def _springs(contact: ContactPoints, law: VectorLaw, rest: Array, response: Array) -> sp.csr_array:
     """Stiffness (n, n) of the foundation at local displacements (m, c), to the side to which points go, where positive.
 
-    ``way (m, c)`` is where they go without it.
+    ``response (m, c)`` is where they go without it.
     """
     beside = rest.copy()
     beside[:, 0] += _BESIDE * np.maximum(np.abs(response[:, 0]), np.abs(rest[:, 0])) * np.sign(response[:, 0])

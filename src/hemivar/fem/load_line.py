@@ -1,4 +1,4 @@
-"""A load that grows: the problems between the unloaded body and the loaded one."""
+"""Load path (proportional loading): the problems between the unloaded body and the loaded one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies that hardly change their volume, for which linear elements are too stiff."""
+"""Volumetric locking: bodies that hardly change their volume, for which linear elements are too stiff."""
 
 from __future__ import annotations
 

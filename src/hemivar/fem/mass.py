@@ -1,4 +1,4 @@
-"""Mass matrices, and the body with an elastic bedding: stiffness plus a mass matrix of the bedding."""
+"""Mass matrices, and Winkler bedding: stiffness plus a mass matrix of the bedding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies with constraints, condensed to the unknowns that contact sees."""
+"""Saddle-point bodies (constraints), condensed by a Schur complement to the unknowns that contact sees."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.errors import ProblemError
 
-__all__ = ["MixedBulk", "refuse_skew"]
+__all__ = ["NULL", "MixedBulk", "refuse_skew"]
 
 #: Share of the largest eigenvalue, or of scaled entries, that counts as none.
-_DEPENDENT = 1e-10
+NULL = 1e-10
 
 #: Size of a solution, relative to the load and the matrix, from which the matrix is singular up to rounding.
 _SINGULAR = 1e13
@@ -33,25 +33,13 @@ class MixedBulk(Quadratic):
     Its energy is the least ``1/2 u'A u - f'u`` under ``D u = g``, or with the compliance S of the constraints.  What is
     left after the factorisation of the whole symmetric indefinite matrix apart from the kept unknowns is a dense
     stiffness on these, which must be positive definite: it is so where A is on the kernel of D.
-
-    Attributes
-    ----------
-    kept : int array (k,)
-        The unknowns of the body that are left.
-    others : int array (n - k,)
-    coupling : sparse array (n - k, k)
-        Rows of the others, columns of the kept ones.
-    load : array (n,)
-        Of the whole body.
-    inner : sparse array (n - k, n - k)
-        Of the others.
     """
 
-    kept: IntArray = field(kw_only=True)
-    others: IntArray = field(kw_only=True)
-    coupling: sp.csr_array = field(kw_only=True)
-    load: Array = field(kw_only=True)
-    inner: sp.csc_array = field(kw_only=True)
+    kept: IntArray = field(kw_only=True)  # (k,), the unknowns that are left
+    others: IntArray = field(kw_only=True)  # (n - k,)
+    coupling: sp.csr_array = field(kw_only=True)  # (n - k, k), rows of the others
+    load: Array = field(kw_only=True)  # (n,)
+    inner: sp.csc_array = field(kw_only=True)  # (n - k, n - k)
 
     @staticmethod
     def of(matrix: sp.csr_array, load: Array, kept: IntArray) -> MixedBulk:
@@ -66,7 +54,7 @@ class MixedBulk(Quadratic):
         schur = 0.5 * (schur + schur.T)
         values = np.linalg.eigvalsh(schur)
         least = float(values.min(initial=np.inf))
-        if least < -_DEPENDENT * float(values.max(initial=0.0)):
+        if least < -NULL * float(values.max(initial=0.0)):
             raise ProblemError(
                 f"with its constraints the body has the stiffness {least:.3g} in some direction of the contact "
                 "unknowns; the first block must not be negative where the constraints hold"
@@ -146,7 +134,7 @@ def _factorised(matrix: sp.csc_array) -> _Factor:
 
 def refuse_skew(matrix: sp.csr_array, name: str) -> None:
     """Refuse a matrix that is not symmetric, in any units of its unknowns."""
-    if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > _DEPENDENT:
+    if np.abs(_scaled(matrix - matrix.T, _scales(matrix)).data).max(initial=0.0) > NULL:
         raise ProblemError(
             f"the {name} of the body is not symmetric; give one with a(u, v) = a(v, u), as a mixed "
             "body has [[A, D'], [D, -S]]"

@@ -15,17 +15,14 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.contact_basis import contact_shapes, contact_weights, lagrange_moments
-from hemivar.fem.elements import shape_values
-from hemivar.fem.pairing import Pairing
+from hemivar.fem.elements import ROUNDED, shape_values
+from hemivar.fem.pairing import COVERED, Pairing
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.supports import sum_by
 from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Mortar", "mortar"]
-
-#: Shares of a facet that are rounding, and below which a point is dropped.
-_ROUNDED, _COVERED = 1e-13, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +101,7 @@ def mortar(mesh: Mesh, pieces: Pairing, without: BoolArray, body: BodyKinematics
     around, none = contact_weights(mesh, slave, body)
     count = len(around)
     seen = np.flatnonzero(pieces.touches)
-    none |= np.bincount(own[seen].ravel(), mass[seen].sum(axis=2).ravel(), count) <= _COVERED * around
+    none |= np.bincount(own[seen].ravel(), mass[seen].sum(axis=2).ravel(), count) <= COVERED * around
     without = without | none[own]
     dual = np.zeros_like(mass)
     dual[seen] = _dual(mass[seen], without[seen])
@@ -113,9 +110,9 @@ def mortar(mesh: Mesh, pieces: Pairing, without: BoolArray, body: BodyKinematics
     there = np.einsum("kij,kjl->kil", dual[pieces.slave], np.einsum("kq,kqi,kql->kil", weight, phi, across))
     matrix = _assembled(own, own, here, count) - _assembled(own[pieces.slave], other[pieces.master], there, count)
     weights: Array = np.bincount(own.ravel(), here.sum(axis=2).ravel(), count).astype(float)
-    nodes = np.flatnonzero(~none & (weights > _COVERED * around))
+    nodes = np.flatnonzero(~none & (weights > COVERED * around))
     rows = sp.diags_array(1.0 / weights[nodes]) @ sp.csr_array(matrix)[nodes]
-    rows.data[np.abs(rows.data) < _ROUNDED] = 0.0
+    rows.data[np.abs(rows.data) < ROUNDED] = 0.0
     rows.eliminate_zeros()
     turned = _turned(mesh, pieces)
     psi = np.einsum("kij,kqj->kqi", dual[pieces.slave], phi)

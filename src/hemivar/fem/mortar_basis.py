@@ -1,4 +1,4 @@
-"""Unknowns that are jumps between bodies, in the place of displacements of the slaves of mortar projections.
+"""Change of basis of mortar contact: jumps between bodies in the place of displacements of slave nodes.
 
 A contact point of two bodies sees a node of the slave and nodes of the master.  Counted from where the master takes it,
 the displacement of the slave's node is the jump itself: with these unknowns each contact point sees one, as on a
@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.elements import ROUNDED
 
 __all__ = ["JumpUnknowns", "jump_unknowns"]
 
@@ -24,8 +25,6 @@ _OWN = 1e-2
 _CHAIN = 64
 #: How often jumps look for an unknown that no other jump has taken in the meantime.
 _TRIES = 8
-#: Entries that are rounding.
-_ROUNDED = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +57,8 @@ class JumpUnknowns(PickleMixin):
 
 def _correction(near: sp.csr_array, added: sp.csr_array, rows: IntArray) -> sp.csr_array:
     """``G'A + A G + G'A G`` of the rows ``near (k, n)`` of A and ``added (k, n)`` of G, which has no others."""
-    one = sp.csr_array(added.T @ near)
-    return sp.csr_array(one + one.T + added.T @ (near[:, rows] @ added))
+    half = sp.csr_array(added.T @ near)
+    return sp.csr_array(half + half.T + added.T @ (near[:, rows] @ added))
 
 
 def _ones(matrix: sp.csr_array) -> sp.csr_array:
@@ -126,7 +125,7 @@ def _changed(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> JumpUnknow
 
 def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
     matrix = sp.csr_array(matrix)
-    matrix.data[np.abs(matrix.data) < _ROUNDED] = 0.0
+    matrix.data[np.abs(matrix.data) < ROUNDED] = 0.0
     matrix.eliminate_zeros()
     matrix.sort_indices()
     return matrix

@@ -1,4 +1,4 @@
-"""What algebraic levels are made of: what a stiffness hardly resists, and where its unknowns stand by nodes."""
+"""Near-nullspace (rigid motions) and nodal blocks of the unknowns, of which smoothed aggregation makes its levels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A coarser discrete problem where no coarser mesh is known: some of the nodes, and what interpolates between them.
+"""Meshless coarsening (moving least squares): some of the nodes, and what interpolates between them.
 
 A maximal independent set of the nodes is kept, those of contact boundaries and of edges and corners first.  What lies
 between them follows by moving least squares, which reproduce linear displacements; on a contact boundary by the nodes
@@ -21,6 +21,7 @@ from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
+from hemivar.fem.elements import ROUNDED
 from hemivar.fem.hierarchy import Coarser
 from hemivar.linear.algebraic import independent_nodes
 
@@ -36,8 +37,6 @@ _LARGE = 2.5
 _MOST = 0.6
 #: Boundaries that a label tells apart.
 _LABELS = 62
-#: Weights below this are rounding.
-_ROUNDED = 1e-12
 #: How many bodies may follow one another.
 _CHAIN = 3
 #: Rounding in a chosen unknown, which follows itself alone.
@@ -127,7 +126,7 @@ class LevelNodes:
 
 
 def _least_squares(offset: Array, square: Array, there: BoolArray) -> Array:
-    """Weights (k, q) of neighbours that lie ``way (k, q, d)`` from a node, which reproduce linear functions."""
+    """Weights (k, q) of neighbours that lie ``offset (k, q, d)`` from a node, which reproduce linear functions."""
     count = there.sum(axis=1)
     mean = square.sum(axis=1) / count
     close = there / (square / mean[:, None] + _SOFT)
@@ -210,7 +209,7 @@ def _prolongation(
 
 def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
     """Without entries that are rounding."""
-    matrix.data[np.abs(matrix.data) < _ROUNDED] = 0.0
+    matrix.data[np.abs(matrix.data) < ROUNDED] = 0.0
     matrix.eliminate_zeros()
     return matrix
 

@@ -1,4 +1,4 @@
-"""Which facets of two boundaries touch: for each place of the slave the first facet of the master along its normal.
+"""Contact search and segmentation: for each place of the slave the first facet of the master along its normal.
 
 Ahead the way ends where it meets any part of the mesh, behind at the other side of the slave's own body.  So a place
 finds what it faces however far that is, and however deep the bodies overlap; of two layers the nearer one counts.
@@ -13,21 +13,25 @@ from functools import reduce
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.fem.elements import ROUNDED
 from hemivar.fem.facet_tree import FacetTree
 from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Pairing", "paired"]
+__all__ = ["COVERED", "Pairing", "paired"]
 
 #: Cosines of the angle of two normals: above the first facets do not face each other, below the second they are seen
 #: edge on and hide nothing.
 _FACING, _EDGE_ON = -0.2, 1e-6
-#: Shares of a facet that are rounding, that count, and by which layers overlap.
-_ROUNDED, _COVERED, _LAYERS = 1e-13, 1e-6, 1e-9
+#: Share of a facet, or of a weight, from which it counts: far above rounding, in space a thousandth of its width.
+COVERED = 1e-6
+#: Cosine of the angle of two facets from which a corner is sharp.
+_SHARP = np.cos(np.radians(40.0))
 #: Distance of two places that are one, of the width of a facet.
 _ONE_PLACE = 1e-6
 #: Weights of corners in a place within a polygon that no edge of a regular mesh goes through.
@@ -56,7 +60,25 @@ class Pairing:
     @property
     def touches(self) -> BoolArray:
         """Whether a facet (f,) of the slave meets the master with more than rounding."""
-        return np.asarray(self.covered > _COVERED)
+        return np.asarray(self.covered > COVERED)
+
+    @property
+    def beyond_corners(self) -> BoolArray:
+        """Which nodes (f, n) of the slave's facets belong to nearer facets beyond a sharp corner.
+
+        One normal cannot stand for both sides of it.  The other side hands the share of the node on to its other nodes.
+        """
+        members, normal = self.sides[0].nodes, self.sides[0].normals
+        facet, column = np.nonzero(np.broadcast_to(self.touches[:, None], members.shape))
+        node, distance = members[facet, column], self.distance[facet]
+        ordered = np.lexsort((distance, node))
+        _, first, group = np.unique(node[ordered], return_index=True, return_inverse=True)
+        nearest = np.empty(len(node), dtype=np.int64)
+        nearest[ordered] = ordered[first[group]]
+        sharp = np.einsum("kd,kd->k", normal[facet], normal[facet[nearest]]) < _SHARP
+        away = np.zeros(members.shape, dtype=bool)
+        away[facet, column] = sharp & (distance > distance[nearest] + self.slack[facet])
+        return away
 
     @cached_property
     def distance(self) -> Array:
@@ -112,7 +134,7 @@ class _Layer:
     @property
     def over_all(self) -> BoolArray:
         """Whether they are not to one side of an edge of the slave's facet, (k,)."""
-        return np.asarray((_largest(self.corners) > _ROUNDED).all(axis=1))
+        return np.asarray((_largest(self.corners) > ROUNDED).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +179,7 @@ def paired(mesh: Mesh, sides: tuple[BoundaryRule, BoundaryRule], names: str) -> 
     pieces, lost = _visible(mesh, view, master, _clipped_pieces(view, master, first[rest], second[rest]))
     simplices, of = _fanned(pieces.polygon, pieces.corners, d)
     share = np.abs(np.linalg.det(simplices[:, :, :d]))  # of barycentric corners: the share of the facet's measure
-    big = share > _ROUNDED
+    big = share > ROUNDED
     simplices, of = simplices[big], of[big]
     whole = np.broadcast_to(np.eye(d), turn.shape)
     pairing = Pairing(
@@ -173,7 +195,7 @@ def paired(mesh: Mesh, sides: tuple[BoundaryRule, BoundaryRule], names: str) -> 
     )
     if not pairing.touches.any():
         raise ProblemError(_nothing(mesh, names, slave[lost]))
-    return replace(pairing, lost=lost[pairing.covered[lost] < 1.0 - _COVERED])
+    return replace(pairing, lost=lost[pairing.covered[lost] < 1.0 - COVERED])
 
 
 def _nothing(mesh: Mesh, names: str, lost: IntArray) -> str:
@@ -220,7 +242,7 @@ def _visible(mesh: Mesh, view: _View, master: IntArray, pieces: _Pieces) -> tupl
         pieces, lost = _Surroundings(mesh, view, master).unhidden(pieces, low, high)
         low, high = _range(pieces, count)
     covered = np.bincount(pieces.slave, _shares(pieces.polygon, pieces.corners, pieces.depths.shape[1]), count)
-    several = (high - low > view.slack) | (covered > 1.0 + _LAYERS)
+    several = (high - low > view.slack) | (covered > 1.0 + SAME)
     return _nearest(view, pieces, np.flatnonzero(several[pieces.slave])), lost
 
 
@@ -345,7 +367,7 @@ def _apart(one: _Layer, i: IntArray, other: _Layer, j: IntArray) -> BoolArray:
     for a, b, at, by in ((one, other, i, j), (other, one, j, i)):
         left = np.flatnonzero(~apart)
         inside = a.corners[at[left]] @ np.linalg.inv(b.corners)[by[left]]
-        apart[left] = (_largest(inside) <= _LAYERS).any(axis=1)
+        apart[left] = (_largest(inside) <= SAME).any(axis=1)
     return apart
 
 
@@ -362,7 +384,7 @@ def _depths(pieces: _Pieces, layer: _Layer) -> tuple[Array, Array, BoolArray]:
     middle = np.where(there[:, :, None], polygon, 0.0).sum(axis=1) / np.maximum(corners, 1)[:, None]
     mine = np.einsum("pc,pc->p", middle[:, d : 2 * d], pieces.depths)
     theirs = np.einsum("pc,pc->p", middle[:, 2 * d :], layer.depths)
-    return mine, theirs, _shares(polygon, corners, d) > _ROUNDED
+    return mine, theirs, _shares(polygon, corners, d) > ROUNDED
 
 
 def _beside(polygon: Array, layer: _Layer) -> Array:
@@ -401,7 +423,7 @@ def _outside(pieces: _Pieces, layer: _Layer) -> tuple[_Pieces, IntArray]:
         owners.append(of)
         inside, corners = _cut(inside, corners, axis, closed=d == 3)
     polygon, of = np.concatenate(parts), np.concatenate(owners)
-    big = np.abs(np.linalg.det(polygon[:, :, :d])) > _ROUNDED
+    big = np.abs(np.linalg.det(polygon[:, :, :d])) > ROUNDED
     polygon, of = polygon[big], of[big]
     depths = np.einsum("kcb,kb->kc", polygon[:, :, d:], pieces.depths[of])
     own = _Layer(polygon[:, :, :d], depths)

@@ -1,4 +1,4 @@
-"""Quadrature rules on simplices, and values at their points."""
+"""Quadrature rules on simplices, and values at quadrature points."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Reactions of supports: the forces that hold a body where its supports hold it."""
+"""Reactions of supports: the nodal residual (internal forces less loads) where Dirichlet conditions hold the body."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.arrays import norm
+from hemivar.basics.arrays import SAME, norm
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.potential import Potential
@@ -23,9 +23,6 @@ from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
 
-#: Part of the load by which that of a problem may differ from the stated one, by rounding.
-_SAME_LOAD = 1e-9
-
 
 def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> dict[str, Array]:
     """Force of each support on the body, in the coordinates of the mesh; of one component force or heat flow.
@@ -37,22 +34,6 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
 
     A node of several supports is counted direction by direction, in the order in which the supports are stated: each
     takes the force along what it fixes and none before it has fixed.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem
-        From :func:`discretize`.
-    displacement : array, shape (nodes, c)
-    multiplier : array, shape (m, local components)
-
-    Returns
-    -------
-    dict of support name to array, shape (c,)
-
-    Raises
-    ------
-    ProblemError
-        The problem was made of arrays, or its load is not the one that was stated.
     """
     stated, field = problem.origin, problem.field
     if stated is None or field is None:
@@ -69,7 +50,7 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     else:
         forces = internal_forces(stated, supports.value, cells).ravel()
         moved, size = field.basis.T @ forces, norm(forces)
-    if norm(field.basis.T @ load.ravel() - moved - problem.load) > _SAME_LOAD * max(norm(load.ravel()), size):
+    if norm(field.basis.T @ load.ravel() - moved - problem.load) > SAME * max(norm(load.ravel()), size):
         raise ProblemError(
             "reactions are known under the stated load only, and this problem has another one; state that load"
         )

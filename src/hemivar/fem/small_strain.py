@@ -1,5 +1,4 @@
-"""Whether a displacement is one of small strains, which linear elasticity assumes: largest strain and rotation, and
-what the stress of the load adds to the stiffness."""
+"""Validity of small strains: largest strain and rotation, and geometric stiffness beside the elastic one."""
 
 from __future__ import annotations
 
@@ -16,13 +15,13 @@ from hemivar.fem.rings import hoop_strain
 from hemivar.fem.stress_stiffness import stiffened_by
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.boundary_rule import boundary_rule
+from hemivar.mesh.keys import PORTION
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["SMALL", "Deformation", "deformation", "deformation_of", "slid_beyond"]
 
 #: Strain and rotation (radians) from which they are called large, and the share of the work of the stress.
 SMALL, _STIFFENS = 0.1, 0.05
-_CELLS_AT_A_TIME = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -133,8 +132,8 @@ def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:
         return Deformation(math.nan, math.nan, math.nan, float(mesh.volumes.sum()))
     nodes, corners = mesh.cell_nodes(order), np.eye(mesh.dim + 1) if order == 2 else np.eye(mesh.dim + 1)[:1]
     strain = rotation = volume = 0.0
-    for start in range(0, mesh.number_of_cells, _CELLS_AT_A_TIME):
-        cells = slice(start, start + _CELLS_AT_A_TIME)
+    for start in range(0, mesh.number_of_cells, PORTION):
+        cells = slice(start, start + PORTION)
         slopes = scaled_gradients(mesh, cells, mesh.volumes[cells])
         beyond: BoolArray = np.zeros(slopes.shape[2], dtype=bool)
         for corner in corners:

@@ -1,4 +1,4 @@
-"""Stress stiffening: what the stress of the load itself adds to the stiffness of a body.
+"""Stress stiffening (geometric or initial stress stiffness): what the stress of the load adds to the stiffness.
 
 The geometric stiffness of a stress sigma is ``v'K_s u = int sigma_kl du_i/dx_k dv_i/dx_l``, the initial stress matrix
 (Zienkiewicz and Taylor, The Finite Element Method, volume 2). It takes each component by itself, and all alike.
@@ -79,13 +79,7 @@ def stiffens(problem: DiscreteProblem) -> bool:
 
 
 def stressed_problem(problem: DiscreteProblem, unknowns: Array) -> DiscreteProblem:
-    """The problem whose stiffness has the geometric stiffness of its stress at unknowns (n,): ``K + K_s``.
-
-    Raises
-    ------
-    ProblemError
-        A diagonal entry of it is not positive.
-    """
+    """The problem whose stiffness has the geometric stiffness of its stress at unknowns (n,): ``K + K_s``."""
     field, whole = problem.field, _of_all_nodes(problem, unknowns)
     assert field is not None
     bulk = Quadratic(sp.csr_array(problem.stiffness + _of_unknowns(problem, whole)), assembled=True)

@@ -1,9 +1,10 @@
-"""Supports: fixed directions and prescribed displacements of the nodes, and the unknowns they leave."""
+"""Supports (Dirichlet conditions): fixed directions and prescribed displacements of the nodes."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import SupportError
 from hemivar.mechanics.conditions import (
@@ -49,13 +50,13 @@ class Supports:
         size = np.linalg.norm(rest, axis=1)
         missing = values - np.einsum("kd,kd->k", directions, self.value[nodes])
         independent = size > DEPENDENT
-        tolerance = 1e-9 * max(float(np.abs(part).max(initial=0.0)) for part in (values, self.value))
+        tolerance = SAME * max(float(np.abs(part).max(initial=0.0)) for part in (values, self.value))
         conflict = ~independent & (np.abs(missing) > tolerance)
         if conflict.any():
             bad = int(np.flatnonzero(conflict)[0])
             node = int(nodes[bad])
-            one = self.value.shape[1] == 1
-            what, along_which = ("values", "") if one else ("displacements", f" along {in_words(directions[bad])}")
+            scalar = self.value.shape[1] == 1
+            what, along_which = ("values", "") if scalar else ("displacements", f" along {in_words(directions[bad])}")
             other = self.names[int(self.owner[node, int(np.argmax(np.abs(along[bad])))])]
             raise SupportError(
                 f"supports '{other}' and '{name}' prescribe different {what} at node {node}, "
@@ -147,7 +148,7 @@ def unit(vectors: Array) -> Array:
 
 
 def movable(vectors: Array, fixed: Array) -> Array:
-    """Part of vectors (k, c, d) orthogonal to the orthonormal rows of held (k, q, d), which may be zero."""
+    """Part of vectors (k, c, d) orthogonal to the orthonormal rows of ``fixed`` (k, q, d), which may be zero."""
     along = np.einsum("kcd,kqd->kcq", vectors, fixed)
     return np.asarray(vectors - np.einsum("kcq,kqd->kcd", along, fixed))
 

@@ -1,4 +1,4 @@
-"""What temperatures do to the stress of a body."""
+"""Thermal stress: what temperatures do to the stress of a body, and the coupling matrix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evaluation of finite element fields at arbitrary points, on other meshes for instance."""
+"""Point location and interpolation of finite element fields at arbitrary points, on other meshes for instance."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import SAME, real_array
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
-from hemivar.fem.elements import barycentric_gradients, shape_values
+from hemivar.fem.elements import ROUNDED, barycentric_gradients, shape_values
+from hemivar.mesh.keys import PORTION
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -21,10 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["beside_nodes", "interpolate", "interpolation_matrix", "locate"]
 
-_INSIDE = -1e-10
-_CHUNK = 1 << 15
-#: Part of the extent of a mesh within which two nodes are at one place, and of the way to the middle of a cell.
-_SAME, _BESIDE = 1e-9, 1e-6
+#: Part of the way to the middle of a cell: beyond it no rounding of a place leads into another cell.
+_BESIDE = 1e-6
 
 
 def interpolate(source: Field | Mesh, values: Array, target: Field | Mesh | Array) -> Array:
@@ -70,7 +69,7 @@ def beside_nodes(mesh: Mesh, target: Field | Mesh) -> Array | None:
 
     None where no two nodes of the ``mesh`` are at one place, so that nodes have one side only.
     """
-    places = np.round((mesh.points - mesh.points.min(axis=0)) / (_SAME * np.ptp(mesh.points, axis=0).max()))
+    places = np.round((mesh.points - mesh.points.min(axis=0)) / (SAME * np.ptp(mesh.points, axis=0).max()))
     if len(np.unique(places, axis=0)) == len(places):
         return None
     to, order = (target.mesh, target.order) if isinstance(target, Field) else (target, 1)
@@ -81,26 +80,11 @@ def beside_nodes(mesh: Mesh, target: Field | Mesh) -> Array | None:
 
 
 def interpolation_matrix(mesh: Mesh, order: int, points: Array, inside: Array | None = None) -> sp.csr_array:
-    """Matrix of the shape functions at points.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    order : int
-        1 or 2.
-    points : array, shape (k, d)
-    inside : array, shape (k, d), optional
-        Places near the points that say in which cells they are looked for; the points themselves by default.
-
-    Returns
-    -------
-    sparse array, shape (k, nodes)
-        Its rows sum to one.
-    """
+    """Shape functions at points (k, d), sought at places ``inside`` (k, d) near them; (k, nodes), rows sum to one."""
     cells, barycentric = locate(mesh, points if inside is None else inside)
     if inside is not None:
         barycentric += np.einsum("kbd,kd->kb", barycentric_gradients(mesh)[cells], points - inside)
-    barycentric[np.abs(barycentric) < 1e-13] = 0.0
+    barycentric[np.abs(barycentric) < ROUNDED] = 0.0
     barycentric /= barycentric.sum(axis=1, keepdims=True)
     shapes = shape_values(order, barycentric)
     nodes = mesh.cell_nodes(order)[cells]
@@ -166,9 +150,9 @@ class _Search:
 
     def visit(self, tree: KDTree, members: IntArray, neighbours: int, bound: float) -> None:
         """Try the nearest members for the points that are in no cell yet."""
-        todo = np.flatnonzero(self.lowest < _INSIDE)
-        for start in range(0, len(todo), _CHUNK):
-            self._visit(tree, members, neighbours, bound, todo[start : start + _CHUNK])
+        todo = np.flatnonzero(self.lowest < -SAME)
+        for start in range(0, len(todo), PORTION):
+            self._visit(tree, members, neighbours, bound, todo[start : start + PORTION])
 
     def _visit(self, tree: KDTree, members: IntArray, neighbours: int, bound: float, ids: IntArray) -> None:
         _, nearest = tree.query(self.points[ids], k=neighbours, distance_upper_bound=bound)

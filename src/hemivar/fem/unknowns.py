@@ -1,4 +1,4 @@
-"""The unknowns of a displacement: which directions supports and contact leave free at the nodes."""
+"""Degrees of freedom: which nodal directions supports and contact leave free, and the basis matrix P."""
 
 from __future__ import annotations
 

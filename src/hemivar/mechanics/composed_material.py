@@ -1,4 +1,4 @@
-"""Materials made of others: one in each region, sums of the parts of one, and the linear one below another."""
+"""Materials made of others: one in each region, parallel sums, and the linear lower bound of another."""
 
 from __future__ import annotations
 

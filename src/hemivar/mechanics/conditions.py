@@ -1,4 +1,4 @@
-"""Supports and loads of a body."""
+"""Boundary conditions and loads of a body: Dirichlet supports, tractions (Neumann), and checked data fields."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ def plain_data(
 
 def _formulas(entries: Sequence[object], name: str) -> FormulaArray:
     """A vector some entries of which are formulas."""
-    read = (Formula(one, name) if isinstance(one, str) else one for one in entries)
-    kept = [one if isinstance(one, Formula) else float(check_finite(one, name)) for one in read]
+    read = (Formula(entry, name) if isinstance(entry, str) else entry for entry in entries)
+    kept = [entry if isinstance(entry, Formula) else float(check_finite(entry, name)) for entry in read]
     return FormulaArray(kept, (len(kept),))
 
 
@@ -276,7 +276,7 @@ def stated_values(condition: Support | Traction | ScalarData) -> dict[str, Vecto
     """What a support, a pressure or a traction prescribes, by the names of its fields; "" for plain data."""
     if not isinstance(condition, Clamped | Roller | Fixed | Prescribed | Pressure):
         return {"": condition}
-    values = {one.name: getattr(condition, one.name) for one in fields(condition)}
+    values = {part.name: getattr(condition, part.name) for part in fields(condition)}
     return {name: value for name, value in values.items() if value is not None}
 
 

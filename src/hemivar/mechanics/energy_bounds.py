@@ -1,4 +1,4 @@
-"""Bounds of the tangent of a stored energy: by intervals, or at strains that are tried."""
+"""Bounds of the tangent (convexity) of a stored energy: by interval arithmetic, or sampled at strains."""
 
 from __future__ import annotations
 
@@ -30,42 +30,42 @@ _NAMES = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "yz", "xz", "xy")}
 class FoundRange:
     """A range with what is to be believed of it."""
 
-    found: EnclosedRange
+    enclosed: EnclosedRange
     rounding: float  # part of the largest value below which a value counts as zero
 
     @property
     def _zero(self) -> float:
-        return self.rounding * abs(self.found.largest)
+        return self.rounding * abs(self.enclosed.largest)
 
     @property
     def proved(self) -> bool:
         """Whether bounds by intervals are finite, and the lower one is not negative."""
-        return self.found.lower >= -self._zero and self.found.upper < np.inf
+        return self.enclosed.lower >= -self._zero and self.enclosed.upper < np.inf
 
     @property
     def lower(self) -> float:
         """The lower bound: proved, or the least value that was seen; not negative."""
-        return max(self.found.lower if self.proved else self.found.least, 0.0)
+        return max(self.enclosed.lower if self.proved else self.enclosed.least, 0.0)
 
     @property
     def upper(self) -> float:
         """The upper bound: proved, or the largest value that was seen."""
-        return self.found.upper if self.proved else self.found.largest
+        return self.enclosed.upper if self.proved else self.enclosed.largest
 
     @property
     def concave(self) -> bool:
         """Whether a value was seen that is negative, beyond rounding."""
-        return not self.found.least >= -self._zero
+        return not self.enclosed.least >= -self._zero
 
     @property
     def least(self) -> float:
         """The least value that was seen."""
-        return self.found.least
+        return self.enclosed.least
 
     @property
     def least_at(self) -> tuple[float, ...]:
         """Where it was seen."""
-        return self.found.least_at
+        return self.enclosed.least_at
 
 
 def once(dim: int) -> Array:
@@ -89,11 +89,11 @@ def invariant_derivatives(graph: Graph, node: int, low: Array, high: Array) -> t
 
     ``tr = sqrt(3) q`` and ``dev2 = t^2``; the order is qq, qt, tt.
     """
-    none, one, root = np.zeros(len(low)), np.ones(len(low)), np.sqrt(3.0)
+    none, ones, root = np.zeros(len(low)), np.ones(len(low)), np.sqrt(3.0)
     (q, t), (q_last, t_last) = low.T, high.T
-    slope = np.stack([root * one, none])
+    slope = np.stack([root * ones, none])
     trace = BoxVariable((root * q, root * q_last), (slope, slope))
-    twice = np.stack([none, none, 2.0 * one])
+    twice = np.stack([none, none, 2.0 * ones])
     square = BoxVariable(
         (t * t, t_last * t_last), (np.stack([none, 2.0 * t]), np.stack([none, 2.0 * t_last])), (twice, twice)
     )

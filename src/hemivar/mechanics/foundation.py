@@ -1,4 +1,4 @@
-"""What a foundation does to a body: laws, where it stands, and what contact points remember."""
+"""Contact conditions: the laws of a foundation or another body, where it stands, and memory of contact points."""
 
 from __future__ import annotations
 
@@ -206,11 +206,11 @@ class Contact(CheckedFields, PickleMixin):
         if self.rubs and (self.damping is not None or self.memory):
             what = "damping" if self.damping is not None else "memory"
             raise ProblemError(f"a scalar contact with friction has {what}, which is of the penetration; leave it out")
-        for one in self.remembers:
-            rubs = getattr(one, "friction", 0.0)
-            if not isinstance(one, _OF_PENETRATION) or callable(rubs) or np.any(rubs):
+        for variable in self.remembers:
+            rubs = getattr(variable, "friction", 0.0)
+            if not isinstance(variable, _OF_PENETRATION) or callable(rubs) or np.any(rubs):
                 raise ProblemError(
-                    f"the memory '{one.name}' needs slip and penetration, but a scalar contact has one component; "
+                    f"the memory '{variable.name}' needs slip and penetration, but a scalar contact has one component; "
                     f"give one of {', '.join(kind.__name__ for kind in _OF_PENETRATION)}, without friction"
                 )
 
@@ -257,16 +257,16 @@ class Contact(CheckedFields, PickleMixin):
         if self.memory is None:
             return
         memory = self.memory if isinstance(self.memory, Sequence) else (self.memory,)
-        for one in memory:
-            if not isinstance(one, Memory):
+        for variable in memory:
+            if not isinstance(variable, Memory):
                 raise ProblemError(
-                    f"memory holds {described(one)}; give a list of internal variables, such as Secant(), "
+                    f"memory holds {described(variable)}; give a list of internal variables, such as Secant(), "
                     "Wear(...) and the like"
                 )
-            for part in fields(one):  # type: ignore[arg-type]
-                if law_depends_on_time(getattr(one, part.name)) or depends_on_time(getattr(one, part.name)):
+            for part in fields(variable):  # type: ignore[arg-type]
+                if law_depends_on_time(getattr(variable, part.name)) or depends_on_time(getattr(variable, part.name)):
                     raise ProblemError(
-                        f"{part.name} of memory '{one.name}' depends on time, which it cannot; for a foundation "
+                        f"{part.name} of memory '{variable.name}' depends on time, which it cannot; for a foundation "
                         f"that changes with time make the law, the damping or the gap depend on it"
                     )
         object.__setattr__(self, "memory", tuple(memory))

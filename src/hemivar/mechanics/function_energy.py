@@ -1,4 +1,4 @@
-"""Stored energies of one's own by Python functions, and what all energies of one's own have in common."""
+"""User-defined stored energies (hyperelastic potentials) by Python functions, and what all own energies share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scalar problems that are not linear: a stored energy W of the gradient, whose derivative is the flux."""
+"""Quasilinear scalar problems: a stored energy W of the gradient (potential), whose derivative is the flux."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The material of one component: its coefficient or energy of the gradient, and what it has in time."""
+"""Material of one component: diffusion coefficient or energy of the gradient, and what it has in time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantities that depend on time, and what they are at one time.
+"""Time-dependent data, and what they are at one time.
 
 A formula depends on time if ``t`` occurs in it, a Python function if it takes two arguments, ``(x, t)``.  At one time
 it is a function of the place alone, as statics knows it.
@@ -44,7 +44,7 @@ def depends_on_time(value: object) -> bool:
     except (TypeError, ValueError):  # some functions of compiled modules tell nothing of themselves
         return False
     places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    taken = [one for one in parameters if one.kind in places]
+    taken = [parameter for parameter in parameters if parameter.kind in places]
     return len(taken) > 1 and (taken[1].default is inspect.Parameter.empty or taken[1].name == "t")
 
 
@@ -78,12 +78,12 @@ def _parts(law: object) -> Iterator[tuple[str, object, bool]]:
     if not is_dataclass(law):
         return
     parameters = isinstance(law, ParameterLaw | CoulombBound | MixedMode | ModeDependentGlue)
-    for one in fields(law):
-        if one.init and not one.name.startswith("_"):
+    for part in fields(law):
+        if part.init and not part.name.startswith("_"):
             yield (
-                one.name,
-                getattr(law, one.name),
-                parameters or (isinstance(law, Friction) and one.name in ("bound", "ratio")),
+                part.name,
+                getattr(law, part.name),
+                parameters or (isinstance(law, Friction) and part.name in ("bound", "ratio")),
             )
 
 
@@ -125,6 +125,6 @@ def error_context(where: str, *laws: object) -> Iterator[None]:
     try:
         yield
     except ProblemError as error:
-        time = next((one.time for law in laws for one in _instants(law)), None)
+        time = next((instant.time for law in laws for instant in _instants(law)), None)
         when = "" if time is None else f" at t = {time:.10g}"
         raise type(error)(f"{where}{when}: {error}") from error

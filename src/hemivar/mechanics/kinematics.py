@@ -8,15 +8,13 @@ from typing import TypeVar
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.mechanics.material import Material
 
 __all__ = ["BodyKinematics", "voigt_index"]
 
 _Where = TypeVar("_Where")
-
-#: Share of the largest radius below which a node of a half section lies on the axis: rounding of its coordinates.
-_ON_AXIS = 1e-9
 
 
 def voigt_index(dim: int) -> IntArray:
@@ -71,4 +69,4 @@ class BodyKinematics:
 
     def on_axis(self, nodes: Array) -> BoolArray:
         """Which nodes (k, d) lie on the axis of a body of revolution, shape (k,)."""
-        return np.asarray(nodes[:, 0] <= _ON_AXIS * nodes[:, 0].max()) & self.ring
+        return np.asarray(nodes[:, 0] <= SAME * nodes[:, 0].max()) & self.ring

@@ -1,4 +1,4 @@
-"""A conformance kit: is a material, one of your own too, consistent with itself?
+"""Conformance kit for materials: derivatives, symmetry and convexity of a material, also one of your own.
 
 from hemivar.mechanics import check_material
 check_material(Material.potential(...))
@@ -23,8 +23,8 @@ from hemivar.mechanics.material_words import PlaneState
 
 __all__ = ["MaterialError", "MaterialReport", "check_material"]
 
-#: Strains that are tried, the largest if the material names none, and the length of steps relative to them.
-_COUNT, _LARGEST, _STEP = 300, 1.0, 0.02
+#: Strains that are tried, and the length of steps relative to them.
+_COUNT, _STEP = 300, 0.02
 #: What counts as equal: integrals along steps, and eigenvalues, relative to the stiffness.
 _INTEGRAL, _EIGENVALUE = 1e-4, 1e-8
 #: Part of the largest answer that rounding may take anywhere: of formulas such as sqrt(1 + dev2) - 1.
@@ -82,7 +82,7 @@ def check_material(
             tuple(f"region '{name}': {failure}" for name, one in reports for failure in one.failures),
         )
     else:
-        size = min(material.reach, _LARGEST) if reach is None else reach
+        size = min(material.reach, 1.0) if reach is None else reach
         results = [failures_of(_Checker(material, dim, size, seed).steps()) for dim in _dims(material)]
         checks, failures = (tuple(one for part in parts for one in part) for parts in zip(*results, strict=True))
         report = MaterialReport(getattr(material, "kind", type(material).__name__), checks, failures)

@@ -8,48 +8,29 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import SAME, real_array
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.material_words import BoundsBy
 
 __all__ = ["MaterialDescription", "described_point"]
 
-#: Part of the largest entry of a matrix that is owed to rounding.
-_ROUNDING = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class MaterialDescription:
-    """A material at one point; ``str()`` writes it out.
-
-    Attributes
-    ----------
-    name : str
-    formula : str
-        The stress, or the stored energy W.
-    constants : mapping of name to text
-    linear : bool
-    lower, upper : array (v, v) or None
-        C_low and C_up, tensors below and above the tangent at every strain up to the reach; None where constants
-        vary and no point was given.
-    bounds_by : BoundsBy
-        How they were found.
-    reach : float
-        The size ``|eps|`` of the strain in space up to which they hold; inf where they hold at every strain.
-    parts : mapping of region to MaterialDescription
-        For different materials in regions: of them all that is said above is the name.
-    """
+    """A material at one point; ``str()`` writes it out."""
 
     name: str
-    formula: str = ""
+    formula: str = ""  # the stress, or the stored energy W
     constants: Mapping[str, str] = field(default_factory=dict)
     linear: bool = True
+    #: C_low and C_up (v, v), below and above the tangent at every strain up to the reach; None where constants vary and
+    #: no point was given.
     lower: Array | None = None
     upper: Array | None = None
     bounds_by: BoundsBy = BoundsBy.CLOSED_FORM
-    reach: float = math.inf
-    parts: Mapping[str, MaterialDescription] = field(default_factory=dict)
+    reach: float = math.inf  # the size ``|eps|`` of the strain in space up to which they hold
+    parts: Mapping[str, MaterialDescription] = field(default_factory=dict)  # by region; then a name is all of the rest
 
     @property
     def ratio(self) -> float | None:
@@ -59,7 +40,7 @@ class MaterialDescription:
         whole = np.linalg.cholesky(self.upper)
         part = np.linalg.solve(whole, np.linalg.solve(whole, self.lower).T)
         least = float(np.linalg.eigvalsh(0.5 * (part + part.T))[0])
-        return 0.0 if least < _ROUNDING else least
+        return 0.0 if least < SAME else least
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -112,7 +93,7 @@ def _stiffness(matrix: Array) -> str:
     lam, shear = float(matrix[0, 1]), float(matrix[-1, -1])
     isotropic = np.diag([2.0 * shear] * dim + [shear] * (len(matrix) - dim))
     isotropic[:dim, :dim] += lam
-    if dim == 3 and np.abs(matrix - isotropic).max() <= _ROUNDING * np.abs(matrix).max():
+    if dim == 3 and np.abs(matrix - isotropic).max() <= SAME * np.abs(matrix).max():
         bulk = lam + 2.0 * shear / 3.0
         return f"bulk modulus {_number(bulk, matrix)}, shear modulus {_number(shear, matrix)}"
     once = np.diag([1.0] * dim + [math.sqrt(2.0)] * (len(matrix) - dim))
@@ -121,4 +102,4 @@ def _stiffness(matrix: Array) -> str:
 
 
 def _number(value: float, matrix: Array) -> str:
-    return f"{0.0 if abs(value) < _ROUNDING * np.abs(matrix).max() else value:.6g}"
+    return f"{0.0 if abs(value) < SAME * np.abs(matrix).max() else value:.6g}"

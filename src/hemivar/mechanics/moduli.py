@@ -1,4 +1,4 @@
-"""Matrices between strain and stress: of elasticity, of viscosity, and of the branches that relax."""
+"""Elasticity tensors in Voigt form: of elasticity, of viscosity, and of Maxwell branches that relax."""
 
 from __future__ import annotations
 

@@ -12,12 +12,10 @@ from hemivar.mechanics.material_words import MEASURE, PLANE_OF_ENERGY, BoundsBy,
 from hemivar.mechanics.moduli import Number
 from hemivar.mechanics.per_volume import constant
 from hemivar.mechanics.single_material import MaterialOfConstants
-from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds
+from hemivar.mechanics.stored_energy import STEPS, InvariantEnergy, Invariants, IsotropicBounds
 
 __all__ = ["Hencky", "Locking", "NamedEnergy", "RambergOsgood"]
 
-#: Steps of Newton's method for the stress of Ramberg and Osgood, which converges from one side.
-_STEPS = 100
 _BULK = constant("bulk modulus", example=6.5)
 
 
@@ -145,7 +143,7 @@ class _RambergOsgoodCurve:
         """The stored energy, the stress over t, and the slope of the stress."""
         a, b, n = (np.broadcast_to(one, t.shape) for one in (self.a, self.b, self.n))
         y = np.minimum(t / a, (t / b) ** (1.0 / n))  # beyond the solution: Newton's method comes down to it
-        for _ in range(_STEPS):
+        for _ in range(STEPS):
             more = b * y ** (n - 1.0)
             down = (a * y + more * y - t) / (a + n * more)
             y = np.maximum(y - down, 0.0)

@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,11 +28,6 @@ __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere
 
 _UNIT = 1e-15  # by how much the square of a unit vector's length may differ from 1
 _ON_SURFACE = 1e-12  # relative to the radius: closer points count as outside
-_NEAR = 0.1  # of the extent of the points: closer than that a user's distance is checked
-_LENGTH = 0.02  # by how much the gradient of a user's distance may differ from 1 there
-_STEP = 1e-6  # of the extent of the points: step of difference quotients
-_MARCH, _NEWTON = 200, 20  # steps along a ray
-_LANDED = 1e-10  # of the extent: a ray this close has met the obstacle
 
 
 class Normals(StrEnum):
@@ -77,13 +73,7 @@ class Obstacle(CheckedFields, PickleMixin, ABC):
 
     @abstractmethod
     def normals(self, points: Array) -> Array:
-        """Gradient of the distance at points (k, d): unit vectors (k, d) out of the obstacle.
-
-        Raises
-        ------
-        ProblemError
-            If a point has no single nearest point of the surface (the centre of a sphere, the axis of a cylinder).
-        """
+        """Gradient of the distance at points (k, d): unit vectors (k, d) out of the obstacle."""
 
     @abstractmethod
     def along(self, points: Array, directions: Array) -> Array:
@@ -244,6 +234,15 @@ class SignedDistance(Obstacle):
     function: Callable[[Array], object]
     gradient: Callable[[Array], object] | None = None
 
+    _near: ClassVar[float] = 0.1  # of the extent of the points: closer than that the gradient is checked
+    _length: ClassVar[float] = 0.02  # by how much its length may differ from 1 there
+    _step: ClassVar[float] = (
+        1e-6  # of the extent: of difference quotients, whose error is then 1e-12, and rounding 1e-10
+    )
+    _march: ClassVar[int] = 200  # steps along a ray up to the obstacle
+    _newton: ClassVar[int] = 20  # and those of Newton's method there
+    _landed: ClassVar[float] = 1e-10  # of the extent: a ray this close has met the obstacle
+
     def __post_init__(self) -> None:
         for name in ("function", "gradient"):
             value = getattr(self, name)
@@ -267,8 +266,8 @@ class SignedDistance(Obstacle):
     def normals(self, points: Array) -> Array:
         slope, distance = self._slope(points), self.distance(points)
         size = np.linalg.norm(slope, axis=1)
-        near = np.abs(distance) <= _NEAR * _extent(points)
-        bad = ~(size > 0.1) | (near & (np.abs(size - 1.0) > _LENGTH))
+        near = np.abs(distance) <= self._near * _extent(points)
+        bad = ~(size > 0.1) | (near & (np.abs(size - 1.0) > self._length))
         if bad.any():
             first = int(np.flatnonzero(bad)[0])
             raise ProblemError(
@@ -284,18 +283,18 @@ class SignedDistance(Obstacle):
         travel, result = np.zeros(len(points)), np.full(len(points), np.inf)
         active = np.arange(len(points))
         # No point of the obstacle's surface is nearer than the distance: steps of that size never cross it.
-        for _ in range(_MARCH):
+        for _ in range(self._march):
             step = self.distance(points[active] + travel[active, None] * directions[active])
             travel[active] += step
             active = active[(np.abs(step) > 1e-3 * extent) & (np.abs(travel[active]) < 4.0 * extent)]
             if active.size == 0:
                 break
         active = np.flatnonzero(np.abs(travel) < 4.0 * extent)
-        for _ in range(_NEWTON):
+        for _ in range(self._newton):
             point = points[active] + travel[active, None] * directions[active]
             approach = -np.einsum("kd,kd->k", self._slope(point), directions[active])
             left = self.distance(point)
-            landed = (np.abs(left) <= _LANDED * extent) & (approach > 0.0)
+            landed = (np.abs(left) <= self._landed * extent) & (approach > 0.0)
             result[active[landed]] = travel[active[landed]] + left[landed] / approach[landed]
             going = ~landed & (approach > 0.0)
             travel[active[going]] += left[going] / approach[going]
@@ -303,12 +302,12 @@ class SignedDistance(Obstacle):
             if active.size == 0:
                 break
         # Ahead of a point outside, or behind a point inside.
-        return np.where(result * np.sign(distance) >= -_LANDED * extent, result, np.inf)
+        return np.where(result * np.sign(distance) >= -self._landed * extent, result, np.inf)
 
     def _slope(self, points: Array) -> Array:
         if self.gradient is not None:
             return DataField(self.gradient, "gradient of the obstacle's distance", points.shape[1]).at(points)
-        step = _STEP * _extent(points)
+        step = self._step * _extent(points)
         columns = [
             (self.distance(points + shift) - self.distance(points - shift)) / (2.0 * step)
             for shift in step * np.eye(points.shape[1])

@@ -1,4 +1,4 @@
-"""Stored energies of one's own by formulas, of invariants or of components of the strain."""
+"""User-defined stored energies by formulas, of invariants or of components of the strain."""
 
 from __future__ import annotations
 
@@ -145,8 +145,8 @@ class FormulaEnergy(InvariantEnergy):
         return Invariants(value, by_p, by_s, pp, ps, ss)
 
     def bounds(self, points: Array) -> IsotropicBounds:
-        one = self._bounds[0]
-        parts = (one.bulk, one.shear, one.largest_bulk, one.largest_shear)
+        bounds = self._bounds[0]
+        parts = (bounds.bulk, bounds.shear, bounds.largest_bulk, bounds.largest_shear)
         return IsotropicBounds(*(np.broadcast_to(part, (len(points),)) for part in parts))
 
     def _second(self, low: Array, high: Array) -> tuple[Array, Array]:
@@ -204,12 +204,12 @@ class FormulaEnergy(InvariantEnergy):
         return IsotropicBounds(*(np.array([end * of]) for end, of in zip(ends, relative_to, strict=True))), proof
 
     def _refuse_concave(self, *ranges: FoundRange) -> None:
-        for one in ranges:
-            if one.concave:
-                q, t = one.least_at
+        for curvature in ranges:
+            if curvature.concave:
+                q, t = curvature.least_at
                 raise ProblemError(
                     f"energy: formula '{shown(self.text)}' is not convex: at tr = {np.sqrt(3.0) * q:.6g}, dev2 = "
-                    f"{t * t:.6g} a second derivative is {one.least:.6g}; take a smaller reach, or another energy"
+                    f"{t * t:.6g} a second derivative is {curvature.least:.6g}; take a smaller reach, or another energy"
                 )
 
 

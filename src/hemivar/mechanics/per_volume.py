@@ -47,7 +47,9 @@ def checked_per_volume(value: object, name: str) -> Regional:
     if isinstance(value, Mapping):
         if not value:
             raise ProblemError(f"{name} is an empty mapping; give a number for each region of the mesh")
-        parts = {region: checked_quantity(one, f"{name} of region '{region}'") for region, one in value.items()}
+        parts = {
+            region: checked_quantity(quantity, f"{name} of region '{region}'") for region, quantity in value.items()
+        }
         return MappingProxyType(parts)
     return checked_quantity(value, name)
 

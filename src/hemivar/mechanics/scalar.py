@@ -1,4 +1,4 @@
-"""Problems of one component in their own words: membranes, antiplane shear, heat.
+"""Scalar elliptic problems in their own words: membranes, antiplane shear, heat conduction.
 
     -div(A grad u) + bedding u = source      in the domain,      A grad u . nu = flux  or  u = value  on its boundary,
 

@@ -1,4 +1,4 @@
-"""What a material of one kind has beside its elasticity: density, viscosity, and branches that relax."""
+"""Density, Kelvin-Voigt viscosity and Maxwell branches: what a material of one kind has beside its elasticity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The statement of a contact problem: what a user writes."""
+"""The statement (strong form) of a contact problem: what a user writes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.arguments import described, expect, number, one_of, quoted, suggest
+from hemivar.basics.arrays import SAME
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
@@ -377,7 +378,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         if self.mesh.dim == 3:
             raise ProblemError("plane = 'axisymmetric' is for plane meshes, and this one is 3D; leave it out")
         radius = self.mesh.points[:, 0]
-        if radius.min() < -1e-9 * radius.max():
+        if radius.min() < -SAME * radius.max():
             raise ProblemError(
                 f"plane = 'axisymmetric', but the mesh reaches x = {radius.min():.6g}; x is the radius: mesh the half "
                 "of the section with x >= 0"

@@ -1,4 +1,4 @@
-"""Heat in a body: what conducts and stores it, what it does to the stress, and what contact and friction do to it.
+"""Thermomechanics: conduction, capacity, thermal stress, and what contact and friction do to heat.
 
 capacity th' - div(conductivity grad th) + T0 beta : eps(u') = source                   in the body,
 sigma = (elastic and viscous stress) - beta (th - stress_free),
@@ -293,10 +293,11 @@ class Heat(PickleMixin):
             raise ProblemError(f"rtol = {self.rtol:g} of Heat; it must lie between 0 and 1")
         if not isinstance(self.contact, Mapping):
             raise ProblemError(f"contact of Heat is {described(self.contact)}; give a HeatContact for each boundary")
-        for name, one in self.contact.items():
-            if not isinstance(one, HeatContact):
+        for name, exchange in self.contact.items():
+            if not isinstance(exchange, HeatContact):
                 raise ProblemError(
-                    f"contact['{name}'] of Heat is {described(one)}; give HeatContact(conductance=..., temperature=...)"
+                    f"contact['{name}'] of Heat is {described(exchange)}; give HeatContact(conductance=..., "
+                    "temperature=...)"
                 )
         object.__setattr__(self, "contact", MappingProxyType(dict(self.contact)))
 
@@ -324,10 +325,10 @@ class Heat(PickleMixin):
                 raise ProblemError(f"contact of Heat names boundary '{name}', which the mesh does not have{near}")
         if problem.quadrature is Quadrature.MIDPOINT:
             raise ProblemError("heat is exchanged at nodes, and this problem has contact at midpoints; take NODAL")
-        for name, one in self.contact.items():
-            _check_sides(problem, name, one)
-            if name not in problem.contact and (one.share or one.depends_on_state):
-                what = "a share of the heat of friction" if one.share else "a conductance that depends on contact"
+        for name, exchange in self.contact.items():
+            _check_sides(problem, name, exchange)
+            if name not in problem.contact and (exchange.share or exchange.depends_on_state):
+                what = "a share of the heat of friction" if exchange.share else "a conductance that depends on contact"
                 raise ProblemError(
                     f"contact['{name}'] of Heat has {what}, but the body has no contact there; name a boundary of its "
                     "contact, or give a conductance that is a number"
@@ -337,14 +338,14 @@ class Heat(PickleMixin):
             if value is not None:
                 checked_per_volume(value, name)
                 refuse_unknown(name, value if isinstance(value, Mapping) else {}, list(mesh.regions))
-        exchanged = {name: self._exchange(problem, name, one) for name, one in self.contact.items()}
+        exchanged = {name: self._exchange(problem, name, exchange) for name, exchange in self.contact.items()}
         if isinstance(self.capacity, int | float) and not self.capacity > 0.0:
             raise ProblemError(f"capacity = {self.capacity:g} of Heat; it must be positive")
-        joints = {name: one for name, one in exchanged.items() if one.against}
+        joints = {name: exchange for name, exchange in exchanged.items() if exchange.against}
         flowing = ScalarProblem(
             mesh,
             self.conductivity,
-            contact={name: one for name, one in exchanged.items() if name not in joints},
+            contact={name: exchange for name, exchange in exchanged.items() if name not in joints},
             supports=self.supports,
             fluxes=self.fluxes,
             source=self.source,

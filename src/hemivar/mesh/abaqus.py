@@ -186,8 +186,8 @@ class _Reader:
             body.add(name, instance, own)
         if not body.blocks:
             raise ProblemError("it holds no *ELEMENT; save the mesh with its elements")
-        for one in self.named:
-            body.name(one)
+        for keyword in self.named:
+            body.name(keyword)
         raw = body.put_together()
         raw.notes.extend(f"elements {name} belong to no body and were ignored" for name in sorted(self.others))
         return raw
@@ -230,28 +230,32 @@ class _Body:
         if known:
             self.shown[key].setdefault(name, []).append(ids)
 
-    def name(self, one: _Keyword) -> None:
+    def name(self, keyword: _Keyword) -> None:
         """A set or a surface, in every instance of the part that it belongs to."""
-        scopes = [one.scope] if one.scope in self.first else self.parts.get(one.scope, [""])
+        scopes = [keyword.scope] if keyword.scope in self.first else self.parts.get(keyword.scope, [""])
         for scope in scopes:
-            if one.key == "SURFACE":
-                self._surface(one, scope)
+            if keyword.key == "SURFACE":
+                self._surface(keyword, scope)
                 continue
-            if one.generate:
+            if keyword.generate:
                 start = self.first.get(scope, 0)
-                known = np.concatenate(self.ids if one.key == "NSET" else self.numbers) - start
+                known = np.concatenate(self.ids if keyword.key == "NSET" else self.numbers) - start
                 numbers = [
                     known[(known >= first) & (known <= last) & ((known - first) % max(step, 1) == 0)] + start
-                    for first, last, step in map(_limits, one.rows)
+                    for first, last, step in map(_limits, keyword.rows)
                 ]
             else:
-                words = [word for row in one.rows for word in row if word]
+                words = [word for row in keyword.rows for word in row if word]
                 plain = [word for word in words if word.lstrip("+-").isdigit()]
-                numbers = [whole(plain, f"*{one.key}") + self.first.get(scope, 0)] if plain else []
+                numbers = [whole(plain, f"*{keyword.key}") + self.first.get(scope, 0)] if plain else []
                 numbers += [
-                    self._look_up(one.key, word, scope, one.name) for word in words if not word.lstrip("+-").isdigit()
+                    self._look_up(keyword.key, word, scope, keyword.name)
+                    for word in words
+                    if not word.lstrip("+-").isdigit()
                 ]
-            self._keep(one.key, one.name, scope, np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]), one.shown)
+            self._keep(
+                keyword.key, keyword.name, scope, np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]), keyword.shown
+            )
 
     def _look_up(self, key: str, word: str, scope: str, of: str) -> IntArray:
         """Members of a set by its name, or of an instance: ``instance.set``, ``instance.number``."""
@@ -268,17 +272,17 @@ class _Body:
             f"'{shown(of)}' refers to the set '{shown(word)}', which is not there; correct it or save it again"
         )
 
-    def _surface(self, one: _Keyword, scope: str) -> None:
-        for word, side in ((row[0], row[1].upper() if len(row) > 1 else "") for row in one.rows if row[0]):
+    def _surface(self, keyword: _Keyword, scope: str) -> None:
+        for word, side in ((row[0], row[1].upper() if len(row) > 1 else "") for row in keyword.rows if row[0]):
             plain = word.isdigit()
             ids = (
                 np.array([int(word) + self.first.get(scope, 0)])
                 if plain
-                else self._look_up("ELSET", word, scope, one.name)
+                else self._look_up("ELSET", word, scope, keyword.name)
             )
             if not re.fullmatch(r"[SP]\d", side):
                 self.notes.append(
-                    f"surface '{one.name}' has a row without the number of a face (S1, S2, ...); it was ignored"
+                    f"surface '{keyword.name}' has a row without the number of a face (S1, S2, ...); it was ignored"
                 )
                 continue
             for block, numbers in zip(self.blocks, self.numbers, strict=True):
@@ -287,10 +291,10 @@ class _Body:
                     continue
                 if int(side[1]) - 1 not in range(len(faces)):
                     raise ProblemError(
-                        f"surface '{one.name}' names face {side} of a {block.kind.shape.name}; it has {len(faces)}"
+                        f"surface '{keyword.name}' names face {side} of a {block.kind.shape.name}; it has {len(faces)}"
                     )
                 face = faces[int(side[1]) - 1]
-                self.surfaces.setdefault(one.name, []).append((KINDS[CODES[_FACET[len(face)]]], nodes[:, face]))
+                self.surfaces.setdefault(keyword.name, []).append((KINDS[CODES[_FACET[len(face)]]], nodes[:, face]))
 
     def put_together(self) -> RawMesh:
         """The mesh of the whole."""

@@ -1,4 +1,4 @@
-"""Several meshes as one, whose parts have names."""
+"""Multi-body meshes: several meshes as one, whose parts have names."""
 
 from __future__ import annotations
 

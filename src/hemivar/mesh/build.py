@@ -1,4 +1,4 @@
-"""Built-in meshes: rectangles and boxes."""
+"""Structured meshes of rectangles and boxes, with the coarser meshes (parents) that multigrid takes."""
 
 from __future__ import annotations
 

@@ -205,12 +205,12 @@ def _sets(grid: meshio.Mesh | CellGrid) -> Iterator[tuple[str, _Members]]:
 
 def _numbers_groups(name: str, values: list[AnyArray]) -> bool:
     """Whether cell data hold one whole number for each element."""
-    whole = all(np.asarray(one).dtype.kind in "iu" and np.asarray(one).size == len(one) for one in values)
+    whole = all(np.asarray(value).dtype.kind in "iu" and np.asarray(value).size == len(value) for value in values)
     return whole and name not in _NO_TAGS
 
 
 def _count(values: list[AnyArray]) -> int:
-    return len(np.unique(np.concatenate([np.ravel(one) for one in values])))
+    return len(np.unique(np.concatenate([np.ravel(value) for value in values])))
 
 
 def _names(grid: meshio.Mesh | CellGrid, array: str, dim: int, tag: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""Checks of what a mesh is made of; each refuses by a ProblemError that names the place."""
+"""Validity of meshes (conformity, orientation, quality); each check refuses by a ProblemError that names the place."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ __all__ = [
     "is_whole",
 ]
 
+#: Volume of a cell, of the power of its longest edge, up to which it counts as none: a thousand times the rounding of a
+#: product of edges.
 _FLAT = 1e-13
 #: Coordinates are below this and cells larger than its inverse, so that volumes and energies are numbers.
 _LARGEST = 1e90
 #: Part of the size of a cell by which its coordinates may be rounded.
 _ROUNDING = 1e-6
-_EPSILON = 2.0**-52
 
 
 def is_whole(value: float | str, least: int) -> bool:
@@ -96,10 +97,11 @@ def _check_sizes(coordinates: Array, sizes: Array, where: str) -> None:
             f"{where}: a cell of size {sizes.min():.3g} has a volume below the range of numbers; take another unit of "
             f"length, so that cells are larger than {1.0 / _LARGEST:.0e}"
         )
-    if (_EPSILON * coordinates > _ROUNDING * sizes).any():
+    rounding = np.finfo(float).eps * coordinates
+    if (rounding > _ROUNDING * sizes).any():
         bad = int(np.argmax(coordinates / sizes))
         raise ProblemError(
-            f"{where}: coordinates of {coordinates[bad]:.3g} are rounded to {_EPSILON * coordinates[bad]:.2g}, which "
+            f"{where}: coordinates of {coordinates[bad]:.3g} are rounded to {rounding[bad]:.2g}, which "
             f"spoils the shape of cells of size {sizes[bad]:.3g}; move the body nearer to the origin"
         )
 

@@ -1,4 +1,4 @@
-"""Arrays of simplices: numbers of facets and edges, signed volumes."""
+"""Topology of simplices by integer keys: facets, edges and their numbers; signed volumes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 __all__ = [
     "EDGES",
     "FACETS",
+    "PORTION",
     "cell_facets",
     "cell_parts",
     "distinct_pairs",
@@ -32,8 +33,8 @@ __all__ = [
 EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
 FACETS = {2: ((0, 1), (1, 2), (2, 0)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
 _T = TypeVar("_T", bound=np.generic)
-#: Entries or cells taken at a time.
-_PORTION = 1 << 16
+#: Entries, cells or points taken at a time: half a MiB for each column of numbers.
+PORTION = 1 << 16
 
 
 def frozen(array: NDArray[_T]) -> NDArray[_T]:
@@ -64,7 +65,7 @@ def distinct_pairs(first: AnyArray, second: AnyArray) -> tuple[IntArray, IntArra
     Pair and place of each entry are sorted together as one integer where they fit into 64 bits, which is several times
     faster than sorting an index.  The rest goes by portions: most of its time would go into fresh memory.
     """
-    portions = [slice(start, min(start + _PORTION, len(first))) for start in range(0, len(first), _PORTION)]
+    portions = [slice(start, min(start + PORTION, len(first))) for start in range(0, len(first), PORTION)]
     lows = (np.minimum(first[part], second[part]).astype(np.int64) for part in portions)
     spans = (np.abs(first[part] - second[part]).astype(np.int64) for part in portions)
     tops = [max(int(values.max()) for values in lows), max(int(values.max()) for values in spans), len(first)]
@@ -137,8 +138,8 @@ def shared_facets(keys: IntArray) -> tuple[IntArray, IntArray]:
 def signed_volumes(points: Array, cells: IntArray) -> Array:
     """Areas or volumes of cells (M, d + 1), negative where a cell is inverted, (M,)."""
     volumes = np.empty(len(cells))
-    for start in range(0, len(cells), _PORTION):
-        part = slice(start, start + _PORTION)
+    for start in range(0, len(cells), PORTION):
+        part = slice(start, start + PORTION)
         first, *others = cells[part].T
         side = [[x[other] - x[first] for x in points.T] for other in others]
         if len(side) == 2:

@@ -15,6 +15,7 @@ from hemivar.basics.types import Array, IntArray
 
 __all__ = ["CODES", "KINDS", "SHAPES", "VTK_KINDS", "ElementKind", "Shape", "red_tetrahedra", "unknown_kind"]
 
+#: The four triangles of one of second order, by its corners and middles.
 _TRIANGLE = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
 #: Numbers of the 27 nodes of a hexahedron by their places along x, y and z.
 _GRID = (
@@ -22,7 +23,9 @@ _GRID = (
     ((8, 22, 12), (20, 26, 21), (10, 23, 14)),
     ((1, 17, 5), (9, 25, 13), (2, 18, 6)),
 )
+#: Corners of a cube as mesh files number them.
 _AROUND = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
+#: Those of a wedge of 18 nodes, level by level.
 _LEVELS = ((0, 1, 2, 6, 7, 8), (12, 13, 14, 15, 16, 17), (3, 4, 5, 9, 10, 11))
 
 

@@ -33,7 +33,6 @@ __all__ = ["bisected", "refined_where"]
 _FACES = {2: ((0, 1, 2),), 3: ((1, 4, 5), (2, 3, 5), (0, 3, 4), (0, 1, 2))}
 #: Digits to which two lengths are one.
 _DIGITS = 9
-_RED_TRIANGLE = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
 _FACET_PARTS = {2: ((0, 2), (2, 1)), 3: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))}
 
 
@@ -296,7 +295,7 @@ def _parts_of(dim: int, code: int) -> tuple[tuple[int, ...], ...]:
     if not cut:
         return (corners,)
     if dim == 2 and len(cut) == 3:
-        return _RED_TRIANGLE
+        return _FACET_PARTS[3]
     if len(cut) < 3:
         parts: tuple[tuple[int, ...], ...] = (corners,)
         for k in cut:

@@ -180,10 +180,10 @@ class _Reader:
             )
         self.version, self.binary, self.word = words[0], words[1] == "1", int(words[2])
         if self.binary:
-            one = self.data[self.offset : self.offset + 4]
-            if one not in (b"\1\0\0\0", b"\0\0\0\1"):
+            mark = self.data[self.offset : self.offset + 4]
+            if mark not in (b"\1\0\0\0", b"\0\0\0\1"):
                 raise ProblemError("the byte order of this binary file is unknown; save it again")
-            self.order = "<" if one == b"\1\0\0\0" else ">"
+            self.order = "<" if mark == b"\1\0\0\0" else ">"
             self.offset += 4
         self._end("MeshFormat")
 

@@ -85,7 +85,7 @@ def _whole_deck(text: str, included: Included, depth: int) -> str:
     """The deck up to its end, with the files that it includes in their places."""
 
     def put(match: re.Match[str]) -> str:
-        name = re.sub(r"\s*\n\s*", "", next(one for one in match.groups() if one is not None)).strip()
+        name = re.sub(r"\s*\n\s*", "", next(group for group in match.groups() if group is not None)).strip()
         return _whole_deck(included.text(name, depth), included, depth + 1)
 
     return _INCLUDE.sub(put, _ENDDATA.sub("", text.replace("\r\n", "\n")))

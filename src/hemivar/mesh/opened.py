@@ -1,4 +1,4 @@
-"""Curves and surfaces inside a body, opened: their nodes are doubled, and their two sides are boundaries."""
+"""Cracks and interfaces: curves and surfaces inside a body, opened; nodes are doubled, both sides are boundaries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parts of a body: cells that are joined through facets."""
+"""Connected components of a body: cells that are joined through facets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mesh file holds, before it is a mesh: nodes, elements and groups, put together from its blocks."""
+"""Mesh data as files hold them (nodes, elements, groups), put together from their blocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the reader of a mesh file did and suggests."""
+"""Notes of the reader of a mesh file, and the element order that it suggests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a mesh was made: a rectangle, a box, a file or several of these, then placed, opened and refined."""
+"""Provenance of a mesh: a rectangle, a box, a file or several of these, then placed, opened and refined."""
 
 from __future__ import annotations
 
@@ -22,24 +22,12 @@ __all__ = ["Assembly", "Grid", "Marking", "MeshRecipe", "Opening"]
 
 @dataclass(frozen=True)
 class Grid:
-    """A built-in mesh of a rectangle (two numbers each) or a box (three).
-
-    Attributes
-    ----------
-    size : tuple of float
-        Lengths of the sides.
-    cells : tuple of int
-        Numbers of small rectangles or boxes along the axes.
-    pattern : str
-        How a small rectangle is cut into triangles; ``"right"`` for boxes, which are cut in one way.
-    origin : tuple of float
-        The corner of lowest coordinates.
-    """
+    """A built-in mesh of a rectangle (two numbers each) or a box (three)."""
 
     size: tuple[float, ...]
-    cells: tuple[int, ...]
-    pattern: Literal["cross", "right", "left"]
-    origin: tuple[float, ...]
+    cells: tuple[int, ...]  # numbers along the axes
+    pattern: Literal["cross", "right", "left"]  # how a small rectangle is cut; "right" for boxes
+    origin: tuple[float, ...]  # the corner of lowest coordinates
 
     def build(self, halvings: int = 0) -> Mesh:
         """The mesh, with numbers of cells halved so many times."""
@@ -54,12 +42,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Assembly(PickleMixin):
-    """Several meshes as one.
-
-    Attributes
-    ----------
-    parts : mapping of name to MeshRecipe
-    """
+    """Several meshes as one."""
 
     parts: Mapping[str, MeshRecipe]
 
@@ -68,63 +51,30 @@ class Assembly(PickleMixin):
         with IMPORTS:
             from hemivar.mesh.mesh import Mesh
 
-        return Mesh.assembled({name: one.begin(halvings).refined(one.refine) for name, one in self.parts.items()})
+        return Mesh.assembled(
+            {name: recipe.begin(halvings).refined(recipe.refine) for name, recipe in self.parts.items()}
+        )
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A curve or surface inside a body that was opened.
+    """A curve or surface inside a body that was opened."""
 
-    Attributes
-    ----------
-    name : str
-        What it is called: an interface of the mesh where no regions are named.
-    between : pair of str or None
-        Two regions; all facets between a cell of the one and a cell of the other.
-    """
-
-    name: str
-    between: tuple[str, str] | None = None
+    name: str  # an interface of the mesh where no regions are named
+    between: tuple[str, str] | None = None  # two regions: all facets between a cell of each
 
 
 @dataclass(frozen=True)
 class Marking:
-    """A boundary that was named by a condition.
-
-    Attributes
-    ----------
-    name : str
-    condition : str
-        True at the corners of its facets, such as ``"x > 39.9"``.
-    """
+    """A boundary that was named by a condition."""
 
     name: str
-    condition: str
+    condition: str  # true at the corners of its facets
 
 
 @dataclass(frozen=True)
 class MeshRecipe:
-    """How a mesh was made, so that a file can say it.
-
-    Attributes
-    ----------
-    source : Grid, Path or Assembly
-        A built-in mesh, a mesh file, or several meshes as one.
-    scale : float
-        Factor of all coordinates.
-    turn : float
-        Angle, in degrees, by which it was turned about the origin after that.
-    shift : tuple of float
-        By how much it was moved after that; empty if it was not.
-    boundaries : tuple of Marking
-        Boundaries that were named after that.
-    opened : tuple of Opening
-        What was opened after that.
-    refine : int
-        How often the mesh was refined after that.
-    order : int or None
-        1 where a mesh file was read for linear elements.
-    """
+    """How a mesh was made, in the order of the fields, so that a file can say it."""
 
     source: Grid | Path | Assembly
     scale: float = field(
@@ -176,7 +126,7 @@ class MeshRecipe:
             Form.WHOLE, "how many times every triangle is cut into four (tetrahedron into eight)", table="mesh"
         ),
     )
-    order: int | None = None
+    order: int | None = None  # 1 where a mesh file was read for linear elements
 
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times (0 for files)."""
@@ -213,7 +163,7 @@ class MeshRecipe:
         if self.boundaries:
             return 0
         if isinstance(self.source, Assembly):
-            return min(one.halvings for one in self.source.parts.values())
+            return min(recipe.halvings for recipe in self.source.parts.values())
         times = 0
         counts = self.source.cells if isinstance(self.source, Grid) else (1,)
         while all(n % 2 ** (times + 1) == 0 and n >> (times + 1) >= 2 for n in counts):

@@ -1,4 +1,4 @@
-"""Meshes that stem from coarser ones: where nodes and cells come from, and uniform refinement."""
+"""Uniform (red) refinement and the parent of a mesh: where nodes and cells come from, nodal interpolation."""
 
 from __future__ import annotations
 
@@ -28,27 +28,13 @@ _ROUNDING, _COVERED = 1e-12, 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Refinement(PickleMixin):
-    """How a mesh stems from a coarser one, whose cells were cut at midpoints of edges: all of them, or some.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        The coarser mesh.
-    ends : int array, shape (N, 2)
-        Each node of the finer mesh is the midpoint of these two nodes of the coarser one (twice the same where it is
-        a node of it).
-    cells : int array, shape (M,)
-        The cell of the coarser mesh that each cell of the finer one is a part of.
-
-    Raises
-    ------
-    ProblemError
-        If there are no such nodes or cells.
-    """
+    """How a mesh stems from a coarser one, whose cells were cut at midpoints of edges: all of them, or some."""
 
     mesh: Mesh
-    ends: IntArray
-    cells: IntArray
+    ends: (
+        IntArray  # (N, 2), the coarser nodes whose midpoint each finer node is: twice the same where it is one of them
+    )
+    cells: IntArray  # (M,), the coarser cell that each finer one is a part of
 
     def __post_init__(self) -> None:
         ends = index_array(self.ends, "Refinement.ends", self.mesh.number_of_nodes)

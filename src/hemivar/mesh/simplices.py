@@ -1,4 +1,4 @@
-"""Elements of any kind, made into triangles and tetrahedra that fit together.
+"""Conversion to conforming simplices: elements of any kind cut into triangles and tetrahedra that fit together.
 
 Second-order elements of plane meshes whose edges are straight keep their corners, and order 2 is suggested; so do
 tetrahedra, whose edges become straight.  All others are cut once at the middles of their edges, which are on the curve

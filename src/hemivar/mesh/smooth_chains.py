@@ -1,4 +1,4 @@
-"""Which facets of a surface follow each other at small angles, and so stand for a curve."""
+"""Feature detection: facets of a surface that follow each other at small (dihedral) angles, and stand for a curve."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def parse_unv(text: str) -> RawMesh:
 def _datasets(text: str) -> Iterator[tuple[str, list[str]]]:
     """Numbers of datasets, and their lines."""
     lines = text.splitlines()
-    ends = [place for place, line in enumerate(lines) if line.strip() == "-1"]
+    ends = [at for at, line in enumerate(lines) if line.strip() == "-1"]
     if len(ends) % 2:
         raise ProblemError("its last dataset has no end (-1); it is cut off: save it again")
     for begin, end in zip(ends[::2], ends[1::2], strict=True):
@@ -100,20 +100,20 @@ def _nodes(lines: list[str], each: int, number: str) -> Array:
 
 def _runs(words: IntArray, head: int) -> Iterator[tuple[int, IntArray]]:
     """Elements that follow each other and are of one type: the type, and labels and nodes of each (k, 1 + n)."""
-    place = 0
-    while place < len(words):
-        if place + head >= len(words) or words[place + head] < 1:
+    at = 0
+    while at < len(words):
+        if at + head >= len(words) or words[at + head] < 1:
             raise ProblemError("an element has no nodes; the file is cut off or damaged: save it again")
-        code, count = int(words[place + 1]), int(words[place + head])
+        code, count = int(words[at + 1]), int(words[at + head])
         first = head + 1 + 3 * (code in _BEAMS)
         width = first + count
-        rows = words[place : place + (len(words) - place) // width * width].reshape(-1, width)
+        rows = words[at : at + (len(words) - at) // width * width].reshape(-1, width)
         same = (rows[:, 1] == code) & (rows[:, head] == count)
         many = len(rows) if same.all() else int(np.argmin(same))
         if not many:
-            raise ProblemError(f"element {words[place]} ends before its {count} nodes; save the file again")
+            raise ProblemError(f"element {words[at]} ends before its {count} nodes; save the file again")
         yield code, rows[:many, [0, *range(first, width)]]
-        place += many * width
+        at += many * width
 
 
 def _kind(code: int, width: int) -> ElementKind:
@@ -127,18 +127,18 @@ def _kind(code: int, width: int) -> ElementKind:
 
 def _groups(lines: list[str], each: int, number: str) -> Iterator[tuple[str, IntArray]]:
     """Names of groups, and what and which their members are (k, 2)."""
-    place = 0
-    while place < len(lines):
-        count = int(whole(lines[place].split()[-1:] or [""], f"size of a group in dataset {number}")[0])
+    at = 0
+    while at < len(lines):
+        count = int(whole(lines[at].split()[-1:] or [""], f"size of a group in dataset {number}")[0])
         per = 8 // each
-        end = place + 2 + -(-max(count, 0) // per)
-        if place + 1 >= len(lines) or end > len(lines):
+        end = at + 2 + -(-max(count, 0) // per)
+        if at + 1 >= len(lines) or end > len(lines):
             raise ProblemError(
                 f"a group of dataset {number} says {count} members, and the file ends before; save it again"
             )
-        words = whole(" ".join(lines[place + 2 : end]).split(), f"members of a group in dataset {number}")
-        yield lines[place + 1].strip(), rows_of(words, each, f"dataset {number}")[:, :2]
-        place = end
+        words = whole(" ".join(lines[at + 2 : end]).split(), f"members of a group in dataset {number}")
+        yield lines[at + 1].strip(), rows_of(words, each, f"dataset {number}")[:, :2]
+        at = end
 
 
 def _name(

@@ -126,13 +126,13 @@ class _Piece:
         if len(points) != 1:
             raise ProblemError("a piece holds no points, or more than one array of them; save it again")
         self.points = packing.array(points[0], self.nodes, components=3)
-        own = {_name(one): one for one in element.findall("Cells/DataArray")} if self.cells else {}
+        own = {_name(array): array for array in element.findall("Cells/DataArray")} if self.cells else {}
         if self.cells and not {"connectivity", "offsets", "types"} <= own.keys():
             raise ProblemError("its cells lack connectivity, offsets or types; save it again")
         rows = {"connectivity": None, "offsets": self.cells, "types": self.cells}
         self.of_cells = {name: packing.array(own[name], rows[name]) for name in rows if name in own}
         self.at_points, self.in_cells = (
-            {_name(one): packing.array(one, rows) for one in element.findall(f"{tag}/DataArray")}
+            {_name(array): packing.array(array, rows) for array in element.findall(f"{tag}/DataArray")}
             for tag, rows in (("PointData", self.nodes), ("CellData", self.cells))
         )
 

@@ -15,21 +15,7 @@ __all__ = ["msh_text"]
 
 
 def msh_text(mesh: Mesh) -> str:
-    """The mesh with its boundaries, interfaces and regions as physical groups; elements of several are repeated.
-
-    Parameters
-    ----------
-    mesh : Mesh
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ProblemError
-        If the name of a boundary or a region holds a quotation mark or a line end, which the format cannot hold.
-    """
+    """The mesh with its boundaries, interfaces and regions as physical groups; elements of several are repeated."""
     surfaces = {**mesh.boundaries, **mesh.interfaces}
     groups = [(mesh.dim - 1, name) for name in surfaces] + [(mesh.dim, name) for name in mesh.regions]
     for _, name in groups:
