@@ -71,8 +71,8 @@ def pulled(mesh: Mesh, stretch: float = 1.0, seed: int = 2, order: int = 1) -> B
 def alike_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """No cell counts as a translate of another one."""
     monkeypatch.setattr(
-        "hemivar.bounds.compiled_patches.congruent_cells",
-        lambda data: np.arange(len(data.table.cells)),
+        "hemivar.bounds.cell_kinds.congruent_cells",
+        lambda table, _: np.arange(len(table.cells)),
     )
 
 
@@ -229,7 +229,7 @@ def test_patches_whose_energy_is_not_definite_stay() -> None:
     bent = np.ones((3, 3))
     bent[0, 1] = 1e4  # its diagonal alone shows nothing
     for spoiled in (-1e3, np.nan, bent):
-        compliance = data.upper_compliance.copy()
+        compliance = data.kinds.of_cells
         compliance[cell] *= spoiled[np.triu_indices(3)] if np.ndim(spoiled) else spoiled
         library = kernels()
         assert library is not None
@@ -350,7 +350,7 @@ def _arrays() -> tuple[dict[str, Array], dict[str, Array], CompiledPatches, Patc
     data = pulled(plane_mesh(2))
     table, stress = data.table, admissible_stress(data)
     made = {
-        "compliance": data.upper_compliance, "gradients": table.gradients, "signs": table.signs,
+        "compliance": data.kinds.of_cells, "gradients": table.gradients, "signs": table.signs,
         "cell_facets": table.cell_facets, "facet_nodes": data.facet_nodes, "points": table.mesh.points,
         "alike": np.arange(len(table.cells)),
     }  # fmt: skip

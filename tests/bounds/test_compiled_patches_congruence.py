@@ -7,7 +7,8 @@ import pytest
 
 from hemivar.basics.types import IntArray
 from hemivar.bounds.body_data import BodyData, body_data
-from hemivar.bounds.compiled_patches import congruent_cells
+from hemivar.bounds.cell_kinds import congruent_cells
+from hemivar.bounds.split_element import pulled_back
 from hemivar.gallery.survey_problems import survey_cube
 from hemivar.kernels import kernels
 from hemivar.kernels.mesh_sums import alike_rows
@@ -28,8 +29,12 @@ def data_on(mesh: Mesh, material: Material | None = None) -> BodyData:
     return body_data(problem, np.zeros(mesh.points.shape))
 
 
+def numbers_of(data: BodyData) -> IntArray:
+    return congruent_cells(data.table, data.compliance)
+
+
 def kinds_of(mesh: Mesh) -> int:
-    return len(np.unique(congruent_cells(data_on(mesh))))
+    return len(np.unique(numbers_of(data_on(mesh))))
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-3, 1e6])
@@ -53,9 +58,18 @@ def test_cells_of_other_size_shape_or_material_are_others() -> None:
     assert kinds_of(larger) == 4
     named = CUBE.named({}, {"hard": CORNER, "soft": np.setdiff1d(np.arange(len(CUBE.cells)), CORNER)})
     material = Material.by_region({"hard": Material.lame(40.0, 3.0), "soft": Material.lame(4.0, 3.0)})
-    alike = congruent_cells(data_on(named, material))
+    alike = numbers_of(data_on(named, material))
     assert len(np.unique(alike)) == 12
     assert not np.isin(alike[CORNER], np.delete(alike, CORNER)).any()
+
+
+@pytest.mark.parametrize("mesh", [CUBE, shaken(CUBE), rectangle((3.0, 1.0), 5)], ids=["cube", "shaken", "plane"])
+def test_the_compliance_of_its_kind_is_that_of_each_cell(mesh: Mesh) -> None:
+    data = data_on(mesh)
+    kinds, (rows, columns) = data.kinds, np.triu_indices(data.compliance.shape[-1])
+    whole = pulled_back(data.compliance, data.table.jacobian, data.table.sizes)[:, rows, columns]
+    assert np.abs(kinds.of_cells - whole).max() <= 1e-13 * np.abs(whole).max()
+    assert len(kinds.compliance) == kinds_of(mesh)
 
 
 def test_equal_rows_have_equal_numbers() -> None:
@@ -82,10 +96,10 @@ def test_kernels_find_the_parts_that_numpy_finds(monkeypatch: pytest.MonkeyPatch
     varying = Material.lame(lambda x: 4.0 + np.floor(3.0 * x[:, 0]), 3.0)
     bodies = [data_on(mesh, material) for mesh in (CUBE, shaken(CUBE)) for material in (None, varying)]
     bodies.append(data_on(rectangle((1.0, 1.0), 40)))
-    found = [congruent_cells(data) for data in bodies]
-    monkeypatch.setattr("hemivar.bounds.compiled_patches.alike_rows", lambda *_: None)
+    found = [numbers_of(data) for data in bodies]
+    monkeypatch.setattr("hemivar.bounds.cell_kinds.alike_rows", lambda *_: None)
     for mine, data in zip(found, bodies, strict=True):
-        assert _same_parts(mine, congruent_cells(data))
+        assert _same_parts(mine, numbers_of(data))
     rows = np.array([[0.0, 0.0], [1.0, 2.0], [0.0, 0.0], [2.0, 4.0], [1.0, 2.0 + 1e-12], [1.0, 2.0 + 1e-6]])
     other = np.array([[1.0], [1.0], [1.0], [1.0], [1.0], [1.0]])
     assert alike_rows(rows, other, 1e-9) == pytest.approx([0, 1, 0, 2, 1, 3])

@@ -68,7 +68,7 @@ for turn in range(int(sys.argv[2])):
     given = dict(cell_nodes=table.cells, cell_facets=table.cell_facets, owners=table.owners, interior=table.interior,
                  contact=rng.uniform(size=F) < 0.3, measures=table.measures, volumes=table.volumes, dear=np.ones(M),
                  forces=rng.standard_normal((M, d + 1, d)), loads=np.zeros((M, d + 1, d)), given=np.zeros((F, d, d)),
-                 unknown=np.tile(np.eye(d), (F, 1, 1)), start=start, pairs=pairs, place=place)
+                 outer=np.arange(F), unknown=np.tile(np.eye(d), (F, 1, 1)), start=start, pairs=pairs, place=place)
     if rng.uniform() < 0.5:
         given |= dict(own=np.zeros((M, d + 1, d, d)), pressures=np.zeros((F, d, d)), missed=np.ones((N, d)))
     cells, placed, second = np.array(table.cells), np.array(table.cells), rng.uniform(size=table.cells.shape) < 0.3

@@ -205,7 +205,7 @@ def test_quadratic_stresses_balance_at_every_place(name: str) -> None:
             inside = np.zeros((len(at), 3))
             inside[:, members] = at
             facets = table.cell_facets[:, piece]
-            traction = np.einsum("qa,maij,mj->mqi", shape_values(2, inside), tensors, table.normals[facets])
+            traction = np.einsum("qa,maij,mj->mqi", shape_values(2, inside), tensors, table.normals_of(facets))
             second = (table.signs[:, piece] < 0.0).astype(int)
             sides[second, facets] = traction
         inner = table.interior

@@ -54,6 +54,25 @@ def test_sweeps_keep_equilibrium_and_lower_the_misfit(name: str) -> None:
     assert np.abs(change).max() < 1e-14 * np.abs(swept.tractions.moments).max()
 
 
+def test_sweeps_leave_stresses_that_others_have_seen_as_they_are() -> None:
+    stress = first_stress(next(iter(BODIES)))
+    sweeper, own = PatchSmoother(stress), PatchSmoother(first_stress(next(iter(BODIES))), own=True)
+    seen = [stress, sweeper.stress]
+    kept = [each.tractions.moments.copy() for each in seen]
+    room = own.moments
+    for one in (sweeper, own):
+        one.sweep(PatchKind.VERTEX)
+    seen.append(sweeper.stress)
+    kept.append(sweeper.moments.copy())
+    sweeper.sweep(PatchKind.VERTEX)
+    own.sweep(PatchKind.VERTEX)
+    for before, moments in zip(seen, kept, strict=True):
+        assert np.array_equal(before.tractions.moments, moments)
+    assert own.moments is room
+    assert np.array_equal(own.moments, sweeper.moments)
+    assert own.misfit == sweeper.misfit
+
+
 def _energy(stress: AdmissibleStress) -> float:
     """The misfit in the compliance of the mean elasticity matrix, which sweeps lower."""
     values = stress.element.at_nodes(stress.difference)
@@ -194,11 +213,11 @@ def test_patches_of_one_batch_share_no_cell_and_all_facets_have_one(mesh: Mesh, 
         assert len(np.unique(cells)) == len(cells)
         np.add.at(seen, batch.facets.ravel(), 1)
         at = table.cell_facets[batch.cells]
-        for place, facets in ((batch.place[0], batch.facets[0]),):
+        for place, facets in ((batch.local[0], batch.facets[0]),):
             inside = place < len(facets)
             assert np.array_equal(facets[place[inside]], at[0][inside])
             assert not np.isin(at[0][~inside], facets).any()
-        assert (batch.place < batch.facets.shape[1]).any(axis=2).all()  # every cell has a facet of the patch
+        assert (batch.local < batch.facets.shape[1]).any(axis=2).all()  # every cell has a facet of the patch
     per_facet = {PatchKind.FACET: 1, PatchKind.EDGE: {2: 1, 3: 3}[table.dim], PatchKind.VERTEX: table.dim}[kind]
     assert (seen == per_facet).all()
 

@@ -9,7 +9,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.bounds import body_data as cells_of_bounds
-from hemivar.bounds import compiled_patches, sweeps
+from hemivar.bounds import cell_kinds, sweeps
 from hemivar.bounds.exact_certificate import distance_to_exact
 from hemivar.kernels import kernels
 from hemivar.mesh.mesh import Mesh
@@ -31,7 +31,7 @@ def test_bounds_share_what_belongs_to_mesh_and_material(order: int, monkeypatch:
         monkeypatch.setattr(owner, name, counting)
 
     watch(cells_of_bounds, "facet_table")
-    watch(compiled_patches, "congruent_cells")
+    watch(cell_kinds, "congruent_cells")
     watch(sweeps.PatchSmoother, "_grouped")
     stated = replace(STATEMENT, order=order)
     mesh, kept = stated.mesh, Workspace()

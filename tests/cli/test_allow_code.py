@@ -133,6 +133,15 @@ def test_a_law_is_identified_with_permission() -> None:
     assert (found.key, found.middle) == (KEY, 10.0)
 
 
+def test_an_error_of_a_law_names_its_line(capsys: pytest.CaptureFixture[str]) -> None:
+    law = Path("two_springs.py").read_text().replace("zero = np.zeros(1)", "zero = np.zeros(1) / (1 // 0)")
+    Path("two_springs.py").write_text(law)
+    line = 1 + law[: law.index("1 // 0")].count("\n")
+    assert cli.main(["solve", "p.toml", "--allow-code", "./two_springs.py"]) == 2
+    said = capsys.readouterr().err
+    assert f"two_springs.py, line {line}: ZeroDivisionError: integer division or modulo by zero; correct this" in said
+
+
 def test_a_law_is_shown_with_permission(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["laws", "two_springs:TwoSprings"]) == 2
     assert REFUSED in capsys.readouterr().err

@@ -96,7 +96,7 @@ def test_what_says_that_it_writes_or_draws_is_an_output(name: str) -> None:
     """A figure whose field does not say so would be asked for, and never be drawn."""
     kind = COMMANDS[name]
     hints = get_type_hints(kind, include_extras=True)
-    says = {one: str(getattr(hint.__metadata__[-1], "help", "")) for one, hint in hints.items() if one != "tells"}
+    says = {one: str(getattr(hint.__metadata__[-1], "help", "")) for one, hint in hints.items() if one != "names_files"}
     drawn = {one for one, text in says.items() if text.startswith(("Write ", "Draw ")) and (name, one) not in _NO_FILE}
     marked = {one for one, hint in hints.items() if opt.WRITTEN in getattr(hint, "__metadata__", ())}
     assert drawn <= marked

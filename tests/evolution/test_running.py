@@ -64,7 +64,7 @@ class Interrupted(Never):
 
 
 def through(plan: March, kind: type[TimeStepper]) -> History:
-    steps = marching(pulled_spring(), plan, tools=Backend(advance=kind.of))
+    steps = marching(pulled_spring(), plan, tools=Backend(stepper=kind.of))
     while True:
         try:
             next(steps)

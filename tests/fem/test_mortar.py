@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.basics.types import Array
-from hemivar.fem.mortar import mortar
+from hemivar.basics.types import Array, BoolArray
+from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import paired
+from hemivar.mechanics.kinematics import BodyKinematics
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 
 PRESSURE, MATERIAL = 0.03, hv.Material.young(10.0, 0.3)
 
@@ -215,8 +217,12 @@ def test_no_order_is_lost_against_meshes_that_match() -> None:
         assert 0.9 * good < mixed < 1.1 * coarse
 
 
-def facets_of(mesh: hv.Mesh) -> tuple[Array, Array]:
-    return mesh.boundaries["u:bottom"], mesh.boundaries["l:top"]
+def sides_of(mesh: hv.Mesh) -> tuple[BoundaryRule, BoundaryRule]:
+    return boundary_rule(mesh, "u:bottom"), boundary_rule(mesh, "l:top")
+
+
+def joined(mesh: hv.Mesh, sides: tuple[BoundaryRule, BoundaryRule], without: BoolArray) -> Mortar:
+    return mortar(mesh, paired(mesh, sides, "pair"), without, BodyKinematics.of(MATERIAL, mesh.dim))
 
 
 @pytest.mark.parametrize("sizes", [PLANE, SPACE], ids=["plane", "space"])
@@ -225,11 +231,12 @@ def test_the_mean_jump_of_a_linear_field_is_none_and_weights_keep_the_area(
 ) -> None:
     mesh = blocks(*sizes)
     without = np.zeros(mesh.number_of_nodes, dtype=bool)
-    upper, lower = facets_of(mesh)
-    found = mortar(mesh, 1, paired(mesh, upper, lower, "pair"), without[upper])
+    sides = sides_of(mesh)
+    upper = sides[0].nodes
+    found = joined(mesh, sides, without[upper])
     assert np.abs(found.jump @ mesh.points).max() < 1e-14
     without[np.flatnonzero(mesh.points[:, 0] < 1e-9)] = True  # held with the left side
-    held = mortar(mesh, 1, paired(mesh, upper, lower, "pair"), without[upper])
+    held = joined(mesh, sides, without[upper])
     assert held.weights.sum() == pytest.approx(1.0, rel=1e-13)
     assert not without[held.nodes].any()
     assert np.abs(held.jump @ mesh.points).max() < 1e-14
@@ -239,14 +246,14 @@ def test_weights_where_both_ends_are_held() -> None:
     """In closed form: psi = 1 on the end facets (Wohlmuth 2000)."""
     mesh = blocks((5, 1), (4, 1))
     without = np.isin(mesh.points[:, 0], (0.0, 1.0))
-    found = mortar(mesh, 1, paired(mesh, *facets_of(mesh), "pair"), without[facets_of(mesh)[0]])
+    found = joined(mesh, sides_of(mesh), without[mesh.boundaries["u:bottom"]])
     order = np.argsort(mesh.points[found.nodes, 0])
     np.testing.assert_allclose(found.weights[order], [0.3, 0.2, 0.2, 0.3], rtol=1e-13)
 
 
 def test_meshes_that_match_are_joined_node_by_node() -> None:
     mesh = blocks((4, 2), (4, 3))
-    found = mortar(mesh, 1, paired(mesh, *facets_of(mesh), "pair"), np.zeros((4, 2), dtype=bool))
+    found = joined(mesh, sides_of(mesh), np.zeros((4, 2), dtype=bool))
     assert (np.diff(found.jump.indptr) == 2).all()
     np.testing.assert_allclose(np.sort(found.jump.data), np.repeat([-1.0, 1.0], 5), atol=1e-13)
 
@@ -256,8 +263,8 @@ def test_of_a_body_that_hangs_over_only_what_faces_the_other_counts(cut: float) 
     mesh = hv.Mesh.assembled(
         {"u": hv.rectangle((1.0, 1.0), (7, 2), origin=(cut, 1.0)), "l": hv.rectangle((1.0, 1.0), (5, 2))}
     )
-    for sides in (facets_of(mesh), facets_of(mesh)[::-1]):
-        found = mortar(mesh, 1, paired(mesh, *sides, "pair"), np.zeros(sides[0].shape, dtype=bool))
+    for sides in (sides_of(mesh), sides_of(mesh)[::-1]):
+        found = joined(mesh, sides, np.zeros(sides[0].nodes.shape, dtype=bool))
         assert found.weights.sum() == pytest.approx(1.0 - cut, rel=1e-12)
         assert (found.weights > 0.0).all()
         assert np.abs(found.jump @ mesh.points).max() < 1e-13

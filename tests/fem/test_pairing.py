@@ -8,6 +8,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array, IntArray
 from hemivar.fem.pairing import Pairing, paired
+from hemivar.mesh.boundary_rule import BoundaryRule
 
 MATERIAL = hv.Material.young(1000.0, 0.0)
 LARGEST_UNSEEN = -0.2  # cosine of two normals above which facets do not face each other
@@ -60,6 +61,10 @@ def first_along_the_normal(mesh: hv.Mesh, place: Array, normal: Array, master: I
     return int(number[0]) if len(number) and along[nearest] < LARGEST_UNSEEN else -1
 
 
+def faced(mesh: hv.Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing:
+    return paired(mesh, (BoundaryRule.of(mesh, slave), BoundaryRule.of(mesh, master)), names)
+
+
 def paired_with(pieces: Pairing, facet: int, place: Array) -> list[int]:
     """The facets of the master that a place, in barycentric coordinates of a facet of the slave, is paired with."""
     own = np.flatnonzero(pieces.slave == facet)
@@ -69,7 +74,7 @@ def paired_with(pieces: Pairing, facet: int, place: Array) -> list[int]:
 @pytest.mark.parametrize(("dim", "seed"), [(2, 0), (2, 1), (2, 2), (3, 4), (3, 21), (3, 37)])
 def test_each_place_has_the_first_facet_that_a_ray_along_its_normal_meets(dim: int, seed: int) -> None:
     mesh, slave, master, rng = scattered_blocks(dim, seed)
-    pieces, normal = paired(mesh, slave, master, "blocks"), mesh.facet_normals(slave)[0]
+    pieces, normal = faced(mesh, slave, master, "blocks"), mesh.facet_normals(slave)[0]
     found = 0
     for facet in rng.integers(0, len(slave), 60):
         place = rng.dirichlet(np.ones(dim))
@@ -151,7 +156,7 @@ def skin(mesh: hv.Mesh, part: str) -> IntArray:
 def test_rings_by_their_skins_touch_where_they_face_each_other_alone(clearance: float) -> None:
     mesh = hv.Mesh.assembled({"a": ring(1.0, 1.2, 40), "b": ring(1.2 + clearance, 1.6, 48)})
     for slave, master, touching in (("a", "b", "a:out"), ("b", "a", "b:in")):
-        pieces = paired(mesh, skin(mesh, slave), skin(mesh, master), "rings")
+        pieces = faced(mesh, skin(mesh, slave), skin(mesh, master), "rings")
         on = np.isin(skin(mesh, slave), mesh.boundaries[touching]).all(axis=1)
         np.testing.assert_allclose(pieces.covered, on, atol=1e-9)
         assert not len(pieces.lost)
@@ -159,12 +164,12 @@ def test_rings_by_their_skins_touch_where_they_face_each_other_alone(clearance: 
 
 def test_the_inside_of_a_ring_finds_no_ring_through_its_own_hole() -> None:
     mesh = hv.Mesh.assembled({"a": ring(1.0, 1.2, 40), "b": ring(1.0, 1.2, 40, centre=2.5)})
-    pieces = paired(mesh, skin(mesh, "a"), skin(mesh, "b"), "rings")
+    pieces = faced(mesh, skin(mesh, "a"), skin(mesh, "b"), "rings")
     assert not pieces.covered[: len(mesh.boundaries["a:in"])].any()
     assert pieces.covered.any()
     assert not len(pieces.lost)
     with pytest.raises(hv.errors.ProblemError, match="no facet of the one faces the other"):
-        paired(mesh, mesh.boundaries["a:in"], skin(mesh, "b"), "rings")
+        faced(mesh, mesh.boundaries["a:in"], skin(mesh, "b"), "rings")
 
 
 def test_of_two_layers_the_nearer_hides_the_farther() -> None:
@@ -172,7 +177,7 @@ def test_of_two_layers_the_nearer_hides_the_farther() -> None:
     parts = {"s": hv.box((1.0, 1.0, 0.5), (5, 4, 2), origin=(0.0, 0.0, 1.0)), "near": near}
     mesh = hv.Mesh.assembled({**parts, "far": hv.box((1.0, 1.0, 0.2), (3, 3, 1))})
     master = np.concatenate([mesh.boundaries["near:top"], mesh.boundaries["far:top"]])
-    pieces = paired(mesh, mesh.boundaries["s:bottom"], master, "layers")
+    pieces = faced(mesh, mesh.boundaries["s:bottom"], master, "layers")
     area = mesh.facet_normals(mesh.boundaries["s:bottom"])[1][pieces.slave] * pieces.share
     upper = pieces.master < len(mesh.boundaries["near:top"])
     assert area[upper].sum() == pytest.approx(0.35, rel=1e-9)
@@ -185,7 +190,7 @@ def test_of_plates_in_a_stack_the_nearest_counts(overlap: float, height: float) 
     plates = {f"p{k}": hv.rectangle((1.0, 0.1), (3 + k, 1), origin=(0.0, 1.0 - 0.1 * k)) for k in range(3)}
     mesh = hv.Mesh.assembled({**plates, "s": hv.rectangle((1.0, 0.5), (7, 3), origin=(0.0, 1.1 - overlap))})
     master = np.concatenate([skin(mesh, name) for name in plates])
-    pieces = paired(mesh, mesh.boundaries["s:bottom"], master, "stack")
+    pieces = faced(mesh, mesh.boundaries["s:bottom"], master, "stack")
     np.testing.assert_allclose(pieces.covered, 1.0, rtol=1e-9)
     np.testing.assert_allclose(mesh.points[master[pieces.master], 1], height)
 
@@ -306,7 +311,7 @@ def test_an_interface_in_zigzag_that_is_glued_is_no_interface(seed: int) -> None
     mesh = mesh.named(mesh.boundaries, {"u": np.flatnonzero(upper), "l": np.flatnonzero(~upper)})
     opened = mesh.opened("cut", between=("u", "l"))
     turned = opened.rotated(0.3)
-    pieces = paired(turned, turned.boundaries["cut:u"], turned.boundaries["cut:l"], "sides")
+    pieces = faced(turned, turned.boundaries["cut:u"], turned.boundaries["cut:l"], "sides")
     np.testing.assert_array_equal(np.sort(pieces.slave), np.arange(len(opened.boundaries["cut:u"])))
     np.testing.assert_array_equal(np.sort(pieces.on_master, axis=2), [[[0.0, 1.0]] * 2] * len(pieces.slave))
     glue = hv.laws.MixedMode(hv.laws.BilinearCohesion(1e6, 1e8, 1e6), 1.0, hv.Compliance(1e6))

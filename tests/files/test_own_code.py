@@ -368,6 +368,19 @@ print(type(parse_problem(text).contact["bottom"].normal).__name__)
 """
 
 
+def test_names_of_packages(code: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    load_file(Path(code[0]))
+    given = {"own": {"mine": "ownlaws:Silent"}, "twice": {"mine": "ownlaws:Silent", "other": "ownlaws:Dry"}}
+    given |= {"survey": {"mine": "ownlaws:Silent"}}
+    monkeypatch.setattr(user_code, "_installed", lambda: given)
+    problem = parse_problem(on_law("{ law = 'own', stiffness = 30 }"))
+    assert tomllib.loads(problem_text(problem))["contact"]["bottom"]["normal"] == {"law": "own", "stiffness": 30.0}
+    with pytest.raises(ProblemError, match="'twice' is a name that the packages 'mine' and 'other' give; remove one"):
+        parse_problem(on_law("{ law = 'twice', stiffness = 30 }"))
+    assert type(parse_problem(block_file(2)).contact["bottom"].normal).__name__ == "ThresholdCompliance"
+
+
+@pytest.mark.slow
 def test_installed_packages_name_their_laws(tmp_path: Path) -> None:
     (tmp_path / "ownlaws.py").write_text(LAWS)
     for package, lines in (

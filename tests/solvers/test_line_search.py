@@ -53,7 +53,7 @@ def line_of(problem: DiscreteProblem, rng: np.random.Generator, search: Search) 
 
 
 def energies(line: SearchLine) -> Array:
-    return np.array([line.gain(t, line.across(t)) for t in LENGTHS])
+    return np.array([line.energy_change(t, line.across(t)) for t in LENGTHS])
 
 
 def assert_first(line: SearchLine, length: float, there: float, sampled: Array, slack: float = 1e-12) -> None:
@@ -61,7 +61,7 @@ def assert_first(line: SearchLine, length: float, there: float, sampled: Array, 
     before, behind = sampled[length >= LENGTHS], length * (1.0 + 1e-5)
     assert (np.diff(before) <= slack).all()
     assert there <= before[-1] + slack
-    assert there <= line.gain(behind, line.across(behind)) + slack
+    assert there <= line.energy_change(behind, line.across(behind)) + slack
 
 
 @pytest.mark.parametrize("walls", [False, True])
@@ -75,7 +75,7 @@ def test_the_bottom_over_pieces_is_that_of_a_fine_sampling(seed: int, convex: bo
     assert knots is not None
     sampled = energies(line)
     found = [bottom_of_pieces(knots, line.system.weights, line.slope, line.square, convex, k) for k in (True, False)]
-    gains = [line.gain(low.length, line.across(low.length, knots)) for low in found]
+    gains = [line.energy_change(low.length, line.across(low.length, knots)) for low in found]
     assert_first(line, found[0].length, gains[0], sampled)
     assert gains[1] <= sampled.min() + 1e-12
     assert found[1].length == pytest.approx(LENGTHS[np.argmin(sampled)], abs=4e-3)
@@ -90,7 +90,7 @@ def test_slopes_close_in_the_bottom_that_the_pieces_say(seed: int) -> None:
     (known,) = [line.bottom(1.0)]
     object.__setattr__(line.system.law, "crossings", lambda r, way: None)
     sought = replace(line).bottom(1.0)
-    assert sought.gain == pytest.approx(known.gain, rel=1e-5)
+    assert sought.energy_change == pytest.approx(known.energy_change, rel=1e-5)
 
 
 @pytest.mark.parametrize("components", [2, 3])
@@ -102,7 +102,9 @@ def test_bottoms_of_laws_that_are_not_quadratic(seed: int, components: int) -> N
     line = line_of(random_points(rng, law, 9, components), rng, Search.DOWNHILL)
     sampled = energies(line)
     low, _ = line._bottom_across()
-    assert_first(line, low.length, line.gain(low.length, line.across(low.length)), sampled, 1e-5 * abs(sampled.min()))
+    assert_first(
+        line, low.length, line.energy_change(low.length, line.across(low.length)), sampled, 1e-5 * abs(sampled.min())
+    )
 
 
 @pytest.mark.parametrize("law", [hv.Signorini(), hv.Compliance(3.0)])
@@ -113,7 +115,9 @@ def test_the_way_that_stops_at_ends_of_pieces_has_the_slope_of_its_energy(seed: 
     lengths = np.concatenate([rng.uniform(0.0, 1.0, 5), rng.uniform(1.0, 9.0, 5)])
     exits = line._exits[0]
     for t in lengths[np.abs(lengths[:, None, None] - exits).min(axis=(1, 2)) > 1e-4]:
-        quotient = (line.gain(t + 1e-5, line.cut(t + 1e-5)) - line.gain(t - 1e-5, line.cut(t - 1e-5))) / 2e-5
+        quotient = (
+            line.energy_change(t + 1e-5, line.cut(t + 1e-5)) - line.energy_change(t - 1e-5, line.cut(t - 1e-5))
+        ) / 2e-5
         assert line._slope_cut(t) == pytest.approx(quotient, abs=1e-6)
 
 
@@ -123,7 +127,7 @@ def test_a_direction_of_any_size_ends_at_the_same_bottom(size: float) -> None:
     law = ContactLaw(hv.Signorini(), Friction(rng.uniform(0.0, 1.0, 12)))
     line = line_of(random_points(rng, law, 12, 2), rng, Search.GLOBAL)
     scaled = SearchLine.of(line.system, line.at, size * line.direction, size * line.bent)
-    assert scaled.bottom(1.0 / size).gain == pytest.approx(line.bottom(1.0).gain, rel=1e-6)
+    assert scaled.bottom(1.0 / size).energy_change == pytest.approx(line.bottom(1.0).energy_change, rel=1e-6)
 
 
 @pytest.mark.parametrize(("pull", "endless"), [(0.3, False), (0.7, True)])

@@ -156,6 +156,10 @@ def test_levels_lent_to_two_solves_are_two_and_those_given_back_are_lent_again()
     assert one is not two
     levels.give_back(one)
     assert levels.borrow(top) is one
+    levels.give_back(one)
+    known = weakref.ref(levels)
+    del levels, two
+    assert known() is None  # whose memory does not wait for the collector of circles
 
 
 def test_another_body_costs_one(factorisations: list[int]) -> None:

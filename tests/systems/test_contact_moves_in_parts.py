@@ -134,7 +134,7 @@ def test_contact_moves(normal: hv.laws.Superpotential) -> None:
     for own, (found, moved, point, least, close) in zip(HALVES, in_parts(work), strict=True):
         assert found == pytest.approx(stiff, rel=1e-9)
         assert (moved.tries, moved.factor) == (move.tries, move.factor)
-        assert moved.gain == pytest.approx(move.gain, rel=1e-12)
+        assert moved.energy_change == pytest.approx(move.energy_change, rel=1e-12)
         np.testing.assert_allclose(moved.r, move.r[own], rtol=1e-12)
         assert least == gained
         np.testing.assert_array_equal(point, best[own])

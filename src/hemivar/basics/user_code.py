@@ -10,6 +10,7 @@ import importlib.util
 import os
 import re
 import sys
+import traceback
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,7 @@ from hemivar.errors import ProblemError
 
 __all__ = [
     "GROUP", "checked_code", "class_named", "load_file", "loaded_code", "loaded_files", "name_of_class", "of_user",
+    "stands_at",
 ]  # fmt: skip
 
 #: The entry points by which installed packages give names to their classes.
@@ -29,6 +31,8 @@ _MODULE = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*")
 _CLASS = re.compile(rf"({_MODULE.pattern}):([^\W\d]\w*)")
 #: Files that were loaded, by the names of their modules: what other processes load as well.
 _FILES: dict[str, Path] = {}
+#: Modules of which classes were named.
+_NAMED: set[str] = set()
 
 
 def of_user(kind: type) -> bool:
@@ -106,6 +110,7 @@ def _class_of(name: str, file: str) -> type:
     if not _CLASS.fullmatch(name):
         raise ProblemError(f"'{name}' names no class; its package must write module:Class")
     module, _, attribute = name.partition(":")
+    _NAMED.add(module)
     found = vars(_module(module, file)).get(attribute)
     if not issubclass(type(found), type):
         raise ProblemError(f"'{name}' is not a class of the module '{module}'; name a class")
@@ -160,6 +165,16 @@ def load_file(path: Path) -> ModuleType:
 def loaded_code() -> tuple[str, ...]:
     """All modules that are loaded: to name their classes runs nothing."""
     return tuple(name for name in sys.modules if _MODULE.fullmatch(name) and not name.endswith(".py"))
+
+
+def stands_at(error: BaseException) -> str:
+    """The last line of the user's modules that an error came through, with its file; empty if it came through none."""
+    lines = [
+        f"{frame.f_code.co_filename}, line {number}"
+        for frame, number in traceback.walk_tb(error.__traceback__)
+        if frame.f_globals.get("__name__") in _NAMED
+    ]
+    return lines[-1] if lines else ""
 
 
 def loaded_files() -> tuple[Path, ...]:

@@ -324,8 +324,8 @@ def solving_adaptive(
             indicator = distance.added(constants) if value is None else value.indicator
             now = time.perf_counter()
             levels.append(AdaptiveLevel(solution, distance, indicator, now - began, value))
-            told = yield levels[-1]
-            last = _ended(levels[-1], rtol, told, max_unknowns)
+            stop = yield levels[-1]
+            last = _ended(levels[-1], rtol, stop, max_unknowns)
             if last is not None:
                 ended = last
                 break
@@ -409,7 +409,7 @@ def _checked(
     return problem, wanted
 
 
-def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: int) -> AdaptiveEnd | None:
+def _ended(level: AdaptiveLevel, rtol: float, stop: bool | None, max_unknowns: int) -> AdaptiveEnd | None:
     """Why this mesh is the last, if it is."""
     goal = level.goal
     if level.solution.status is not Status.CONVERGED:
@@ -418,12 +418,12 @@ def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: i
         return AdaptiveEnd.REACHED if level.guaranteed else AdaptiveEnd.ESTIMATED
     if level.estimated(rtol) and not level.needed(rtol) <= max_unknowns:
         return AdaptiveEnd.ESTIMATED
-    if told:
+    if stop:
         return AdaptiveEnd.STOPPED
     if not math.isfinite(level.distance.distance) and goal is None:
         return AdaptiveEnd.NO_BOUND
-    found = level.distance
-    if goal is None and found.parts.algebraic > max(rtol * found.energy_norm, _ROUNDING * found.distance):
+    bound = level.distance
+    if goal is None and bound.parts.algebraic > max(rtol * bound.energy_norm, _ROUNDING * bound.distance):
         return AdaptiveEnd.ALGEBRAIC
     return AdaptiveEnd.MAX_UNKNOWNS if level.unknowns > max_unknowns else None
 

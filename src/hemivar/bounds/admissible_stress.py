@@ -19,6 +19,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.bounds.body_data import BodyData
 from hemivar.bounds.bulk_gap import saved_by_curvature
+from hemivar.bounds.cell_kinds import CellKinds, cell_kinds
 from hemivar.bounds.compiled_cells import cell_sums
 from hemivar.bounds.split_element import (
     SplitElement,
@@ -92,27 +93,27 @@ class AdmissibleStress:
         """
         data = self.data
         if data.stored is not None:
-            return self._sums(data.upper_of(data.compliance))[0]
+            return self._sums(cell_kinds(data.table, data.compliance))[0]
         return self._varying_misfit() if data.varies else self.mean_square
 
     @cached_property
     def mean_square(self) -> Array:
         """The same by the compliance by which patches are improved, which is constant on each cell."""
-        return self._sums(self.data.upper_compliance)[0]
+        return self._sums(self.data.kinds)[0]
 
     def slopes(self) -> Array:
         """Half the derivatives (M, n) of ``mean_square`` by the moments on facets, on the reference simplex."""
-        energies, slopes = self._sums(self.data.upper_compliance, slopes=True)
+        energies, slopes = self._sums(self.data.kinds, slopes=True)
         vars(self).setdefault("mean_square", energies)
         return slopes
 
-    def _sums(self, compliance: Array, slopes: bool = False) -> tuple[Array, Array]:
+    def _sums(self, kinds: CellKinds, slopes: bool = False) -> tuple[Array, Array]:
         """Energies (M,) of the difference, and slopes where they are wanted."""
-        compiled = cell_sums(self.data, self.tractions, self.element, compliance, slopes)
+        compiled = cell_sums(self.data, self.tractions, self.element, kinds, slopes)
         if compiled is not None:
             return compiled
         element, matrix = self.element, self.data.reference_compliance
-        energies, out = element.energy_of(self.difference, compliance), np.empty((len(matrix), element.moments))
+        energies, out = element.energy_of(self.difference, kinds.of_cells), np.empty((len(matrix), element.moments))
         for start in range(0, len(out) if slopes else 0, _CELLS):
             part = slice(start, start + _CELLS)
             out[part] = element.slope(self.difference[part], matrix[part])
@@ -143,10 +144,10 @@ class AdmissibleStress:
         for piece in range(dim + 1):
             to_cell = _linear_at_nodes(piece, dim, 1)
             for point, weight in zip(barycentric, weights, strict=True):
-                place = point @ to_cell
-                tensor = data.problem.material.stiffness_tensor(np.einsum("a,mad->md", place, corners), masks)
+                barycentre = point @ to_cell
+                tensor = data.problem.material.stiffness_tensor(np.einsum("a,mad->md", barycentre, corners), masks)
                 stress = np.einsum("a,map->mp", shape_values(data.order, point), self.stresses[:, piece])
-                strain = np.einsum("a,map->mp", place, engineering)
+                strain = np.einsum("a,map->mp", barycentre, engineering)
                 off = stress - np.einsum(
                     "mpq,mq->mp", np.broadcast_to(tensor, (len(stress), *tensor.shape[1:])), strain
                 )

@@ -207,26 +207,28 @@ def cell_tensors(bare: ContactProblem) -> tuple[Array, IntArray]:
     return matrices[first, 0], number.ravel()
 
 
-def held_facets(problem: ContactProblem, table: FacetTable) -> Array:
-    """Orthogonal projections (F, d, d) on the directions that supports hold; zero on all other facets."""
+def held_facets(problem: ContactProblem, table: FacetTable, facets: IntArray | None = None) -> Array:
+    """Orthogonal projections (F, d, d) on the directions that supports hold, zero on all other facets; or of some."""
     mesh = problem.mesh
     dim = mesh.dim
-    held = np.zeros((len(table.facets), dim, dim))
+    chosen = np.arange(len(table.facets)) if facets is None else facets
+    held = np.zeros((len(chosen), dim, dim))
     for name, support in problem.supports.items():
         number = table.numbers(mesh.boundaries[name])
+        row = np.searchsorted(chosen, number)
         if isinstance(support, Roller):
-            directions = [table.normals[number]]
+            directions = [table.normals_of(number)]
         else:
             axes = (support.x, support.y, support.z)[:dim] if isinstance(support, Fixed) else (0.0,) * dim
             directions = [
                 np.broadcast_to(np.eye(dim)[c], (len(number), dim)) for c in range(dim) if axes[c] is not None
             ]
         for direction in directions:
-            rest = direction - np.einsum("kij,kj->ki", held[number], direction)
+            rest = direction - np.einsum("kij,kj->ki", held[row], direction)
             size = np.linalg.norm(rest, axis=1)
             new = size > DEPENDENT
             unit = rest[new] / size[new, None]
-            held[number[new]] += unit[:, :, None] * unit[:, None, :]
+            held[row[new]] += unit[:, :, None] * unit[:, None, :]
     return held
 
 
@@ -237,7 +239,7 @@ def has_constant_normals(problem: ContactProblem) -> bool:
 
 def contact_normals(problem: ContactProblem, table: FacetTable, facets: IntArray) -> Array:
     """Contact normals (k, d) on contact facets (k,); where they vary on a facet, the normal of the facet."""
-    normals = table.normals[facets].copy()
+    normals = table.normals_of(facets)
     for name, contact in problem.contact.items():
         if contact.obstacle is not None and _is_plane(contact):
             here = np.isin(facets, table.numbers(problem.mesh.boundaries[name]))
@@ -259,9 +261,9 @@ def facet_cover(mine: Array, others: Array) -> BoolArray:
     low, high = mine.min(axis=1), mine.max(axis=1)
     below, above = others.min(axis=1), others.max(axis=1)
     flat = _FLAT * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max(initial=0.0))
-    found = np.ones((len(mine), len(others)), dtype=bool)
+    covered = np.ones((len(mine), len(others)), dtype=bool)
     for axis in range(mine.shape[2]):
         least = np.minimum(high[:, None, axis] - low[:, None, axis], above[:, axis] - below[:, axis])
         common = np.minimum(high[:, None, axis], above[:, axis]) - np.maximum(low[:, None, axis], below[:, axis])
-        found &= common >= _OVER * least - flat
-    return found
+        covered &= common >= _OVER * least - flat
+    return covered

@@ -17,10 +17,11 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.bare_body import held_facets
+from hemivar.bounds.cell_kinds import CellKinds, cell_kinds
 from hemivar.bounds.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.bounds.joined_sides import joined_sides
 from hemivar.bounds.load_values import LoadValues, load_values
-from hemivar.bounds.split_element import facet_mass, pulled_back, upper_pulled_back, voigt
+from hemivar.bounds.split_element import facet_mass, pulled_back, voigt
 from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import elastic
 from hemivar.fem.elements import shape_derivatives, shape_values
@@ -91,8 +92,6 @@ class BodyData:
     facet_nodes: IntArray  # (F, k)
     #: The same on the other side where two bodies touch; those of ``facet_nodes`` elsewhere.
     opposite: IntArray  # (F, k)
-    #: Of the displacement at the vertices of the cells, between which it is linear.
-    strains: Array  # (M, d + 1, d, d)
     #: The linear part of ``C eps`` on each cell, at its vertices; all of it where C is constant on the cell. Of a
     #: material that is not linear ``W'(eps)``.
     stresses: Array  # (M, d + 1, d, d)
@@ -104,13 +103,14 @@ class BodyData:
     forces: Array  # (M, l, d)
     #: ``int_T f0 phi_a``.
     loads: Array  # (M, l, d)
-    #: ``int_F f_N phi_a`` of the tractions that are given.
-    facet_loads: Array  # (F, k, d)
+    #: ``int_F f_N phi_a`` of the tractions that are given, on the facets that are not inside.
+    outer_loads: Array  # (b, k, d)
     #: The loads that are no constants.
     varying: VaryingLoads
-    #: Projections on the components of the traction that nothing prescribes: all of them inside, those along which
-    #: supports hold the body on its boundary.
-    unknown: Array  # (F, d, d)
+    #: Projections on the components of tractions that nothing prescribes, all of them inside and those along which
+    #: supports hold the body on its boundary; and which of them is that of each facet.
+    projections: Array  # (p, d, d)
+    projected: IntArray  # (F,)
     #: The place of the contact boundary in ``problem.contact``, or -1.
     contact: IntArray  # (F,)
     #: The stored energy of a material that is not linear.
@@ -122,6 +122,11 @@ class BodyData:
     def order(self) -> int:
         """Degree of the displacement."""
         return self.problem.order
+
+    @cached_property
+    def strains(self) -> Array:
+        """Of the displacement at the vertices of the cells, between which it is linear, shape (M, d + 1, d, d)."""
+        return _strains(self.table, self.order, self.displacement, self.cell_nodes)
 
     @property
     def strain(self) -> Array:
@@ -164,11 +169,11 @@ class BodyData:
         return pulled_back(self.sweep_compliance, self.table.jacobian, self.table.sizes)
 
     @cached_property
-    def upper_compliance(self) -> Array:
-        """Upper triangles of these matrices, row after row, shape (M, v (v + 1) / 2)."""
+    def kinds(self) -> CellKinds:
+        """The kinds of cells by these matrices."""
         if self.stored is not None:  # which depends on the displacement
-            return self.upper_of(self.sweep_compliance)
-        return self.once("compliance", lambda: self.upper_of(self.sweep_compliance))
+            return cell_kinds(self.table, self.sweep_compliance)
+        return self.once("kinds", lambda: cell_kinds(self.table, self.compliance))
 
     def once(self, key: object, make: Callable[[], T]) -> T:
         """What depends on the mesh, on a linear material and on the key alone: made on the first call.
@@ -179,11 +184,6 @@ class BodyData:
         if key not in self.kept:
             self.kept[key] = make()
         return cast(T, self.kept[key])
-
-    def upper_of(self, compliance: Array) -> Array:
-        """Upper triangles of matrices (M or 1, v, v) on the reference simplex."""
-        table = self.table
-        return upper_pulled_back(compliance, table.mesh.points, table.cells, table.jacobian, table.sizes)
 
     @property
     def energy(self) -> float:
@@ -216,22 +216,43 @@ class BodyData:
 
         Where two bodies touch it is that of the first less that of the second.
         """
-        found = values[self.facet_nodes[facets]]
+        jump = values[self.facet_nodes[facets]]
         cut = self.table.cut[facets]
-        found[cut] -= values[self.opposite[facets[cut]]]
-        return np.asarray(found)
+        jump[cut] -= values[self.opposite[facets[cut]]]
+        return np.asarray(jump)
+
+    def loads_on(self, facets: IntArray) -> Array:
+        """``int_F f_N phi_a`` (..., k, d) of facets that are not inside."""
+        return np.asarray(self.outer_loads[self.table.outer_places[facets]])
+
+    @property
+    def facet_loads(self) -> Array:
+        """Those of all facets, (F, k, d)."""
+        loads = np.zeros((len(self.table.facets), *self.outer_loads.shape[1:]))
+        loads[self.table.outer] = self.outer_loads
+        return loads
+
+    def freed(self, facets: IntArray | slice) -> Array:
+        """Projections (..., d, d) on the components of the tractions of facets that nothing prescribes."""
+        return np.asarray(self.projections[self.projected[facets]])
+
+    @property
+    def unknown(self) -> Array:
+        """Those of all facets, (F, d, d)."""
+        return self.freed(slice(None))
 
     def at_nodes(self, facets: IntArray, moments: Array) -> Array:
         """Nodal sums (nodes, d) of moments (k, l, d) on facets; where two bodies touch also the opposite ones."""
-        found = np.zeros(self.displacement.shape)
-        np.add.at(found, self.facet_nodes[facets], moments)
+        sums = np.zeros(self.displacement.shape)
+        np.add.at(sums, self.facet_nodes[facets], moments)
         cut = self.table.cut[facets]
-        np.subtract.at(found, self.opposite[facets[cut]], moments[cut])
-        return found
+        np.subtract.at(sums, self.opposite[facets[cut]], moments[cut])
+        return sums
 
     def under(self, moments: Array) -> BodyData:
         """The data without contact, under contact tractions of these moments (F, k, d) as loads."""
-        return replace(self, facet_loads=self.facet_loads + moments, contact=np.full(len(self.contact), -1))
+        loads = self.outer_loads + moments[self.table.outer]
+        return replace(self, outer_loads=loads, contact=np.full(len(self.contact), -1))
 
     @cached_property
     def _nodes(self) -> Array:
@@ -243,10 +264,10 @@ class BodyData:
 
     def moved(self, displacement: Array) -> BodyData:
         """The data of another displacement (nodes, d) of the same problem."""
-        strains, stresses, forces = _stresses(
+        stresses, forces = _stresses(
             self.table, self.order, displacement, self.cell_nodes, self.tensors, self.weights, self.stored
         )
-        return replace(self, displacement=displacement, strains=strains, stresses=stresses, forces=forces)
+        return replace(self, displacement=displacement, stresses=stresses, forces=forces)
 
     def linear(self, loads: Array) -> Array:
         """Loads (M, d + 1, d) against linear functions of those against the functions of the nodes, (M, l, d)."""
@@ -270,9 +291,9 @@ def _linear_values(dim: int) -> Array:
 
 def _engineering(strain: Array) -> Array:
     """Strains (M, d, d) as vectors (M, v) with engineering shear strains."""
-    found = voigt(strain)
-    found[:, strain.shape[1] :] *= 2.0
-    return found
+    vectors = voigt(strain)
+    vectors[:, strain.shape[1] :] *= 2.0
+    return vectors
 
 
 def _varies(tensors: Array) -> bool:
@@ -316,7 +337,7 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
     law = elastic(lower_elasticity(material), mesh.dim)
     tensor, weights = law.on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
     stored = None if material.linear else cell_energy(material, mesh, table.cells, 2 * order)
-    strains, stresses, forces = _stresses(table, order, u, cell_nodes, tensor, weights, stored)
+    stresses, forces = _stresses(table, order, u, cell_nodes, tensor, weights, stored)
     kept = Kept()
     if workspace is not None and stored is None:
         kept = workspace.once("patches", (*cells, tensor, weights, np.array(order)), Kept)
@@ -324,8 +345,8 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
     for number, name in enumerate(problem.contact):
         contact[table.numbers(mesh.boundaries[name])] = number
     return BodyData(
-        problem, table, u, cell_nodes, facet_nodes, opposite, strains, stresses, tensor, weights, forces,
-        *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact, stored, kept,
+        problem, table, u, cell_nodes, facet_nodes, opposite, stresses, tensor, weights, forces,
+        *_loads(problem, table, cell_nodes, facet_nodes, count), *_projections(problem, table), contact, stored, kept,
     )  # fmt: skip
 
 
@@ -337,8 +358,8 @@ def _stresses(
     tensor: Array,
     weights: Array,
     stored: CellEnergy | None,
-) -> tuple[Array, Array, Array]:
-    """Strains and the linear part of the stresses at the vertices (M, d + 1, d, d), and forces (M, l, d)."""
+) -> tuple[Array, Array]:
+    """The linear part of the stresses at the vertices (M, d + 1, d, d), and forces (M, l, d)."""
     dim, corners = table.dim, table.dim + 1
     index = voigt_index(dim)
     shape = (len(cell_nodes), corners, dim, dim)
@@ -346,33 +367,24 @@ def _stresses(
     if order == 1 and stored is None:
         compiled = cell_strains(displacement, cell_nodes, table.gradients, table.sizes, mean)
         if compiled is not None:
-            strains, stresses, forces = compiled
-            return np.broadcast_to(strains[:, None], shape), np.broadcast_to(stresses[:, None], shape), forces
-    u = displacement[cell_nodes]
-
-    def strain(point: Array) -> Array:
-        slopes = table.gradients
-        if order > 1:
-            slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), slopes)
-        gradient = u.transpose(0, 2, 1) @ slopes
-        return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+            stresses, forces = compiled
+            return np.broadcast_to(stresses[:, None], shape), forces
+    strains = _strains(table, order, displacement, cell_nodes)
 
     def stress(matrix: Array, strain: Array) -> Array:
-        full = np.broadcast_to(matrix[:, index[:, :, None, None], index], (len(u), *(dim,) * 4))
+        full = np.broadcast_to(matrix[:, index[:, :, None, None], index], (len(cell_nodes), *(dim,) * 4))
         return np.asarray(np.einsum("mijkl,m...kl->m...ij", full, strain, optimize=True))
 
     constant = order == 1 or not _varies(tensor)
     if order == 1:
-        strains = strain(np.full(corners, 1.0 / corners))
         if stored is None:
-            stresses = stress(mean, strains)
+            stresses = stress(mean, strains[:, 0])
         else:
-            stresses = stored.stress(_engineering(strains)[:, None])[:, 0][:, index]
+            stresses = stored.stress(_engineering(strains[:, 0])[:, None])[:, 0][:, index]
         forces = (table.volumes[:, None, None] * table.gradients) @ stresses  # which are symmetric
-        return np.broadcast_to(strains[:, None], shape), np.broadcast_to(stresses[:, None], shape), forces
-    strains = np.stack([strain(corner) for corner in np.eye(corners)], axis=1)
+        return np.broadcast_to(stresses[:, None], shape), forces
     points, weights = quadrature_rule(dim, 2 if constant else 2 * order)
-    stresses, forces, moments = stress(mean, strains), np.zeros(u.shape), np.zeros(shape)
+    stresses, forces, moments = stress(mean, strains), np.zeros((*cell_nodes.shape, dim)), np.zeros(shape)
     for q, (point, weight) in enumerate(zip(points, weights, strict=True)):
         here = np.einsum("a,maij->mij", point, stresses)
         if not constant:
@@ -382,20 +394,37 @@ def _stresses(
         moments += weight * point[:, None, None] * here[:, None]
     if not constant:  # against the mass matrix of linear functions
         stresses = corners * ((corners + 1) * moments - moments.sum(axis=1, keepdims=True))
-    return strains, stresses, forces
+    return stresses, forces
+
+
+def _strains(table: FacetTable, order: int, displacement: Array, cell_nodes: IntArray) -> Array:
+    """Of a displacement at the vertices of the cells, shape (M, d + 1, d, d)."""
+    u, corners = displacement[cell_nodes], table.dim + 1
+
+    def strain(point: Array) -> Array:
+        slopes = table.gradients
+        if order > 1:
+            slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), slopes)
+        gradient = u.transpose(0, 2, 1) @ slopes
+        return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+
+    if order == 1:
+        constant = strain(np.full(corners, 1.0 / corners))[:, None]
+        return np.broadcast_to(constant, (len(u), corners, table.dim, table.dim))
+    return np.stack([strain(corner) for corner in np.eye(corners)], axis=1)
 
 
 def _loads(
     problem: ContactProblem, table: FacetTable, cell_nodes: IntArray, facet_nodes: IntArray, count: int
 ) -> tuple[Array, Array, VaryingLoads]:
-    """Loads of cells (M, l, d) and of facets (F, k, d), and what of them varies."""
+    """Loads of cells (M, l, d) and of outer facets (b, k, d), and what of them varies."""
     mesh, order, force = problem.mesh, problem.order, problem.body_force
     dim = mesh.dim
-    corners = mesh.points[table.cells]
     body = None
-    cells, pushed = np.zeros((*cell_nodes.shape, dim)), np.zeros((*facet_nodes.shape, dim))
+    cells, pushed = np.zeros((*cell_nodes.shape, dim)), np.zeros((len(table.outer), facet_nodes.shape[1], dim))
     missed, unknown = np.zeros((count, dim)), np.zeros(count)
     if callable(force):
+        corners = mesh.points[table.cells]
         body = load_values(force, corners, table.volumes, "body_force")
         cells += body.moments(len(cells), order)
         point, weight = quadrature_rule(dim, 4)
@@ -415,20 +444,21 @@ def _loads(
     for name, traction in problem.tractions.items():
         (given,), what = stated_values(traction).values(), f"tractions['{name}']"
         number = np.unique(table.numbers(mesh.boundaries[name]))
-        measures, normals = table.measures[number], table.normals[number]
+        row = table.outer_places[number]
+        measures, normals = table.measures[number], table.normals_of(number)
         pushes = isinstance(traction, Pressure)
         if not callable(given):
             flat = mesh.points[table.facets[number, 0]]
             force = (
                 -DataField(given, what).at(flat)[:, None] * normals if pushes else DataField(given, what, dim).at(flat)
             )
-            pushed[number] += measures[:, None, None] * shares[:, None] * force[:, None]
+            pushed[row] += measures[:, None, None] * shares[:, None] * force[:, None]
             continue
         corners = mesh.points[table.facets[number]]
-        found = load_values(given, corners, measures, what, normals if pushes else None)
-        own = found.moments(len(number), order)
-        pushed[number] += own
-        tractions[name] = number, found
+        loads = load_values(given, corners, measures, what, normals if pushes else None)
+        own = loads.moments(len(number), order)
+        pushed[row] += own
+        tractions[name] = number, loads
         places = np.einsum("qa,kad->kqd", point, corners)
         flat = places.reshape(-1, dim)
         if pushes:
@@ -436,7 +466,7 @@ def _loads(
         else:
             values = DataField(given, what, dim).at(flat).reshape(places.shape)
         _add_missed(missed, facet_nodes[number], own, point, weight, measures, order, values)
-        np.add.at(unknown, table.facets[number], found.unknown(len(number)))
+        np.add.at(unknown, table.facets[number], loads.unknown(len(number)))
     return cells, pushed, VaryingLoads(body, tractions, missed, unknown)
 
 
@@ -449,10 +479,11 @@ def _add_missed(
     np.add.at(missed, nodes, loads - local)
 
 
-def _unknown(problem: ContactProblem, table: FacetTable) -> Array:
-    unknown = held_facets(problem, table)
-    unknown[table.interior] = np.eye(table.dim)
-    return unknown
+def _projections(problem: ContactProblem, table: FacetTable) -> tuple[Array, IntArray]:
+    """The one of all facets inside and those of the others, and which of them is that of each facet."""
+    held, which = held_facets(problem, table, table.outer), np.zeros(len(table.facets), dtype=np.int64)
+    which[table.outer] = 1 + np.arange(len(table.outer))
+    return np.concatenate([np.eye(table.dim)[None], held]), which
 
 
 @dataclass(frozen=True, eq=False)
@@ -484,17 +515,17 @@ class CellEnergy:
     def lower(self) -> Array:
         """C_low of each cell, shape (M, v, v)."""
         strain = np.zeros((len(self.places), 1, 1))
-        found = self._mean(lambda places, _, regions: self.material.lower_tensor(places, regions), strain)
-        return np.asarray(found[:, 0])
+        tensors = self._mean(lambda places, _, regions: self.material.lower_tensor(places, regions), strain)
+        return np.asarray(tensors[:, 0])
 
     def _mean(self, values: _Values, strain: Array) -> Array:
         count, many, _ = strain.shape
         masks = {name: np.repeat(mask, many) for name, mask in self.regions.items()}
         flat = strain.reshape(count * many, -1)
         total: Array | None = None
-        for place, weight in zip(self.places.transpose(1, 0, 2), self.weights, strict=True):
-            found = weight * values(np.repeat(place, many, axis=0), flat, masks)
-            total = found if total is None else total + found
+        for points, weight in zip(self.places.transpose(1, 0, 2), self.weights, strict=True):
+            part = weight * values(np.repeat(points, many, axis=0), flat, masks)
+            total = part if total is None else total + part
         assert total is not None
         return np.asarray(total.reshape(count, many, *total.shape[1:]))
 

@@ -47,9 +47,9 @@ def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array)
     ``difference`` is (M, n).
     """
     assert data.stored is not None
-    table, centroids, found = data.table, _centroids(data.table.dim), np.zeros(len(difference))
+    table, centroids, lowered = data.table, _centroids(data.table.dim), np.zeros(len(difference))
     compliance = np.broadcast_to(data.compliance, (len(difference), *data.compliance.shape[1:]))
-    for start in range(0, len(found), _CELLS):
+    for start in range(0, len(lowered), _CELLS):
         part = slice(start, start + _CELLS)
         change = voigt_map(table.jacobian[part]) / table.sizes[part, None, None]
         nodes = element.at_nodes(difference[part])
@@ -58,8 +58,8 @@ def saved_by_curvature(data: BodyData, element: SplitElement, difference: Array)
         strain = data.engineering[part, None]
         reach = data.problem.material.reach
         saved = _saved(data.stored.at(part), strain, q, compliance[part], data.sweep_compliance[part], reach)
-        found[part] = 2.0 * table.volumes[part] * saved.mean(axis=1)
-    return found
+        lowered[part] = 2.0 * table.volumes[part] * saved.mean(axis=1)
+    return lowered
 
 
 def strain_sizes(strain: Array, dim: int) -> Array:

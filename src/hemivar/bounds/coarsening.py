@@ -154,8 +154,8 @@ def _pinched(cells: IntArray, owners: IntArray, facets: IntArray) -> BoolArray:
     size = cells.size
     graph = sp.coo_array((np.ones(len(pairs[0]), dtype=np.int8), tuple(pairs)), shape=(size, size))
     part = sp.csgraph.connected_components(graph, directed=False)[1]
-    found = np.unique(np.column_stack([cells.ravel(), part]), axis=0)[:, 0]
-    return np.asarray(np.unique(found, return_counts=True)[1] > 1)
+    nodes = np.unique(np.column_stack([cells.ravel(), part]), axis=0)[:, 0]
+    return np.asarray(np.unique(nodes, return_counts=True)[1] > 1)
 
 
 def shapes(points: Array, cells: IntArray) -> tuple[Array, Array]:
@@ -230,12 +230,12 @@ class _State:
         """Nodes that may go and where to, by their strata; one short edge of each node if there are many."""
         ways = [(self.cells, EDGES[self.dim]), (self.facets, [(0, 1), (0, 2), (1, 2)] if self.dim == 3 else [(0, 1)])]
         ways += [(self.creases, [(0, 1)])] if self.dim == 3 else []
-        found = []
+        pairs = []
         for level, (simplices, edges) in enumerate(ways):
             ends = np.concatenate([simplices[:, [i, j]] for i, j in edges])
             ends = np.concatenate([ends, ends[:, ::-1]])
-            found.append(ends[self.dims[ends[:, 0]] == self.dim - level])
-        node, onto = np.concatenate(found).T
+            pairs.append(ends[self.dims[ends[:, 0]] == self.dim - level])
+        node, onto = np.concatenate(pairs).T
         count = len(self.points)
         if len(node) <= _REPEATED * _FEW:
             key = np.unique(node * count + onto)

@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.body_data import BodyData
+from hemivar.bounds.cell_kinds import CellKinds
 from hemivar.bounds.split_element import SplitElement
 from hemivar.bounds.vertex_moments import Tractions
 from hemivar.kernels import kernels
@@ -33,7 +34,7 @@ class _Stresses(ctypes.Structure):
 
     _fields_ = [
         *((name, c_int64) for name in ("cells", "facets", "own_nodes")),
-        *((name, c_void_p) for name in ("compliance", "gradients", "signs", "cell_facets", "moments", "own")),
+        *((name, c_void_p) for name in ("compliance", "alike", "gradients", "signs", "cell_facets", "moments", "own")),
         ("sense", c_double),
         *((name, c_void_p) for name in ("loads", "defect", "energies", "slopes")),
     ]
@@ -57,7 +58,7 @@ def _tables(element: SplitElement) -> tuple[Array, ...]:
 
 
 def cell_sums(
-    data: BodyData, tractions: Tractions, element: SplitElement, compliance: Array, slopes: bool
+    data: BodyData, tractions: Tractions, element: SplitElement, kinds: CellKinds, slopes: bool
 ) -> tuple[Array, Array] | None:
     """What :attr:`AdmissibleStress.difference` is for; None where there are no kernels.
 
@@ -76,7 +77,8 @@ def cell_sums(
         own, sense, loads, defect = data.cell_moments, 1.0, data.linear(data.loads + tractions.defect), ()
     out = np.empty(count), np.empty((count if slopes else 0, element.moments))
     arrays = (
-        given("compliance", compliance, (count, len(element.upper[0]))),
+        given("compliance", kinds.compliance, (len(kinds.compliance), len(element.upper[0]))),
+        numbers("alike", kinds.number, (count,), len(kinds.compliance)),
         given("gradients", table.gradients, (count, corners, dim)),
         given("signs", table.signs, (count, corners)),
         numbers("cell_facets", table.cell_facets, (count, corners), facets),
@@ -90,7 +92,7 @@ def cell_sums(
     tables = _tables(element)
     inner = element.ways.shape[1] - element.moments
     of = _Element(dim, nodes, inner, len(element.loading), len(element.mass), *map(at, tables))
-    before, behind = [at(array) for array in arrays[:6]], [at(array) for array in arrays[6:]]
+    before, behind = [at(array) for array in arrays[:7]], [at(array) for array in arrays[7:]]
     body = _Stresses(
         count, facets, 1 if data.order == 1 else nodes, *before, sense, *behind, *([] if defect else [None]),
         at(out[0]), at(out[1]) if slopes else None,

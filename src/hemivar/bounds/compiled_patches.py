@@ -15,14 +15,10 @@ from hemivar.bounds.patches import priorities
 from hemivar.bounds.split_element import SplitElement
 from hemivar.kernels import kernels
 from hemivar.kernels.library import Kernels
-from hemivar.kernels.mesh_sums import alike_rows
 from hemivar.kernels.read_arrays import given, numbers, rising
-from hemivar.mesh.keys import equal_rows
 
-__all__ = ["CompiledPatches", "PatchOrder", "Prices", "congruent_cells"]
+__all__ = ["CompiledPatches", "PatchOrder", "Prices"]
 
-#: Part of the largest number of a cell by which its numbers may differ.
-_TOLERANCE = 1e-9
 #: Colours that the kernels know.
 _COLOURS = 256
 
@@ -106,8 +102,9 @@ class _Sweep(ctypes.Structure):
 class CompiledPatches:
     """What improves the patches of one body.
 
-    ``compliance`` is (M, v (v + 1) / 2), the upper triangles; ``gradients`` is (M, d + 1, d); ``signs`` and
-    ``cell_facets`` are (M, d + 1); ``facet_nodes`` is (F, l); ``points`` is (N, d); ``alike`` is (M,).
+    ``compliance`` is (k, v (v + 1) / 2), the upper triangles of each kind of cells; ``gradients`` is (M, d + 1, d);
+    ``signs`` and ``cell_facets`` are (M, d + 1); ``facet_nodes`` is (F, l); ``points`` is (N, d); ``alike`` is (M,),
+    the kinds.
     """
 
     def __init__(
@@ -127,13 +124,13 @@ class CompiledPatches:
         self._library, self._element = library, element
         self._arrays = (  # in the order of the structure
             np.ascontiguousarray(element.energies.transpose(1, 0, 2)),
-            given("compliance", compliance, (count, len(element.energies))),
+            given("compliance", compliance, (len(compliance), len(element.energies))),
             given("gradients", gradients, (count, corners, dim)),
             given("signs", signs, (count, corners)),
             given("points", points, (len(points), dim)),
             numbers("cell_facets", cell_facets, (count, corners), facets),
             numbers("facet_nodes", facet_nodes, (facets, places), len(points)),
-            numbers("alike", alike, (count,), count),
+            numbers("alike", alike, (count,), min(len(compliance), count)),
         )
         inner = element.energies.shape[1] - element.moments
         self._body = _Body(dim, places, inner, count, facets, *map(library.address, self._arrays))
@@ -150,8 +147,8 @@ class CompiledPatches:
 
         def made() -> CompiledPatches:
             return cls(
-                library, element, data.upper_compliance, table.gradients, table.signs, table.cell_facets,
-                data.facet_nodes, data.problem.mesh.nodes(data.order), congruent_cells(data),
+                library, element, data.kinds.compliance, table.gradients, table.signs, table.cell_facets,
+                data.facet_nodes, data.problem.mesh.nodes(data.order), data.kinds.number,
             )  # fmt: skip
 
         return made() if data.stored is not None else data.once("patches", made)
@@ -164,7 +161,8 @@ class CompiledPatches:
         count, of_cells = len(chosen), numbers("patches", patches, (self._body.cells, patches.shape[-1]), len(chosen))
         if chosen.dtype != bool or chosen.ndim != 1:
             raise ValueError("which patches are chosen must be an array of bool")
-        of_cells = np.where(chosen[of_cells], of_cells, -1)
+        if not chosen.all():
+            of_cells = np.where(chosen[of_cells], of_cells, -1)
         ranked = np.empty(count, dtype=np.int64)
         ranked[count - 1 - priorities(count, first=first)] = np.arange(count)
         start, seen = np.empty(count + 1, dtype=np.int64), np.empty(of_cells.size, dtype=np.int64)
@@ -229,21 +227,3 @@ class CompiledPatches:
         if status == 2:
             raise ValueError("patches of one colour must not share a cell")
         self._library.check(status)
-
-
-def congruent_cells(data: BodyData) -> IntArray:
-    """Numbers (M,) of cells: the same where Jacobians and compliances are, but for rounding.
-
-    Cells of the regular meshes of boxes, and those that uniform refinement makes of one cell, are of a few kinds.
-    """
-    parts = [data.table.jacobian.reshape(len(data.table.cells), -1)]
-    if len(data.sweep_compliance) > 1:
-        parts.append(np.ascontiguousarray(data.sweep_compliance).reshape(len(parts[0]), -1))
-    found = alike_rows(parts[0], parts[1] if len(parts) > 1 else None, _TOLERANCE)
-    return equal_rows(np.concatenate([_rounded(part) for part in parts], axis=1)) if found is None else found
-
-
-def _rounded(values: Array) -> IntArray:
-    """Integers for numbers (M, q): those of each row over its largest, and the logarithm of that."""
-    size = np.abs(values).max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
-    return np.rint(np.concatenate([values / size, np.log2(size)], axis=1) / _TOLERANCE).astype(np.int64)

@@ -18,7 +18,7 @@ __all__ = ["CompiledStars"]
 _SIZES = ("dim", "of_facet", "of_cell", "vertices", "nodes", "cells", "facets")
 _ARRAYS = (
     "cell_nodes", "cell_facets", "owners", "interior", "contact", "measures", "volumes", "dear", "forces", "loads",
-    "own", "given", "unknown", "pressures", "missed", "start", "pairs", "place",
+    "own", "outer", "given", "unknown", "pressures", "missed", "start", "pairs", "place",
 )  # fmt: skip
 #: Of those that are neither numbers of float64 nor of int64.
 _KINDS: dict[str, type] = {"interior": np.bool_, "contact": np.bool_, "place": np.int32}
@@ -43,14 +43,16 @@ class CompiledStars:
         if (dim, of_facet, of_cell) not in ((2, 2, 3), (2, 3, 6), (3, 3, 4)):
             raise ValueError(f"there are no elements with {of_facet} nodes on facets and {of_cell} on cells")
         on_cells, on_facets = (cells, of_cell, dim), (facets, of_facet, dim)
+        outer = len(arrays["given"]), *on_facets[1:]
         shapes = {
             "cell_nodes": on_cells[:2], "cell_facets": (cells, corners), "owners": (facets, 2), "interior": (facets,),
             "contact": (facets,), "measures": (facets,), "volumes": (cells,), "dear": (cells,), "forces": on_cells,
-            "loads": on_cells, "own": (cells, corners, *on_facets[1:]), "given": on_facets,
-            "unknown": (facets, dim, dim), "pressures": on_facets, "missed": (nodes, dim), "start": (vertices + 1,),
-            "pairs": (cells * corners,), "place": (cells * corners,),
+            "loads": on_cells, "own": (cells, corners, *on_facets[1:]), "outer": (facets,),
+            "given": outer, "unknown": (outer[0], dim, dim), "pressures": outer, "missed": (nodes, dim),
+            "start": (vertices + 1,), "pairs": (cells * corners,), "place": (cells * corners,),
         }  # fmt: skip
         ends = {"cell_nodes": nodes, "cell_facets": facets, "owners": cells, "pairs": cells * corners, "start": None}
+        ends["outer"] = outer[0]
         self._arrays: dict[str, AnyArray] = {}
         for name, one in arrays.items():
             if name in ends:
@@ -82,17 +84,18 @@ class CompiledStars:
         library, table = kernels(), data.table
         if library is None:
             return None
-        start, pairs, place = table.stars
+        start, pairs, rank = table.stars
         arrays = {
             "cell_nodes": data.cell_nodes, "cell_facets": table.cell_facets, "owners": table.owners,
             "interior": table.interior, "contact": data.contact >= 0, "measures": table.measures,
             "volumes": table.volumes, "dear": dear, "forces": data.forces, "loads": data.loads,
-            "given": data.facet_loads, "unknown": data.unknown, "start": start, "pairs": pairs, "place": place,
+            "outer": table.outer_places, "given": data.outer_loads, "unknown": data.freed(table.outer),
+            "start": start, "pairs": pairs, "place": rank,
         }  # fmt: skip
         if data.order > 1:
             arrays["own"] = data.cell_moments
         if pressures is not None:
-            arrays["pressures"] = pressures
+            arrays["pressures"] = pressures[table.outer]
         if data.varying.missed.any():
             arrays["missed"] = data.varying.missed
         return cls(library, len(data.displacement), arrays)
@@ -101,14 +104,15 @@ class CompiledStars:
         """A vertex whose cells do not share facets, or -1; moments (F, k, d); defect and missed loads (M, l, d)."""
         on_facets, on_cells = self._shapes
         moments, defect = np.empty(on_facets), np.empty(on_cells)
-        lost = np.empty(on_cells) if "missed" in self._arrays else np.zeros(on_cells)
+        lost = np.empty(on_cells) if "missed" in self._arrays else None
         at, pinched = self._library.address, ctypes.c_int64(-1)
         self._check(
             self._library.call.hv_settle_stars(
-                ctypes.addressof(self._body), at(moments), at(defect), at(lost), ctypes.addressof(pinched)
+                ctypes.addressof(self._body), at(moments), at(defect), None if lost is None else at(lost),
+                ctypes.addressof(pinched),
             )
-        )
-        return pinched.value, moments, defect, lost
+        )  # fmt: skip
+        return pinched.value, moments, defect, np.broadcast_to(0.0, on_cells) if lost is None else lost
 
     def on_contact(self, vertices: IntArray) -> Array:
         """Moments (F, k, d) that share the forces of the nodes on contact facets at these vertices; zero elsewhere."""

@@ -76,6 +76,12 @@ class Sweeps:
         """Those by default."""
         return cls(_LINEAR[dim] if order == 1 else _QUADRATIC, on=True)
 
+    def sweeper(self, stress: AdmissibleStress) -> PatchSmoother:
+        """What improves a stress in place; what steps need to know of the displacement is found before."""
+        if self.on and stress.data.order == 1:
+            unresolved(stress.data)
+        return PatchSmoother(stress, own=True)
+
     def lower(self, sweeper: PatchSmoother, price: _Price | None = None) -> AdmissibleStress:
         """The stress of a sweeper with less misfit, its contact tractions freed at a price."""
         before = 0.0
@@ -165,6 +171,13 @@ def unresolved(data: BodyData) -> float:
 
     Of their ``r(v)^2 / a(v, v)``, with the r of the displacement and v in all directions of a bubble, the sum.
     """
+    known = vars(data)
+    if "unresolved" not in known:
+        known["unresolved"] = _unresolved(data)
+    return float(known["unresolved"])
+
+
+def _unresolved(data: BodyData) -> float:
     table, dim = data.table, data.table.dim
     compiled = bubble_square(data, cell_patches(table, PatchKind.EDGE), np.array(_ENDS[dim]))
     if compiled is not None:
@@ -188,10 +201,10 @@ def unresolved(data: BodyData) -> float:
         for i in range(dim):
             residual[i] += np.bincount(edge, load[i] - sum(stress[i, j] * out[j] for j in range(dim)), count)
         three = (gradients[one], gradients[two], out)
-        found = [size * sum(each[i] * each[j] for each in three) for i, j in pairs]
+        entries = [size * sum(each[i] * each[j] for each in three) for i, j in pairs]
         if not alike:
-            found = list((wide @ np.stack(found, axis=1)[:, :, None])[:, :, 0].T)
-        for row, each in zip(square, found, strict=True):
+            entries = list((wide @ np.stack(entries, axis=1)[:, :, None])[:, :, 0].T)
+        for row, each in zip(square, entries, strict=True):
             row += np.bincount(edge, each, count)
     matrix = np.empty((count, dim, dim))
     for row, (i, j) in zip(square, pairs, strict=True):
@@ -203,8 +216,8 @@ def unresolved(data: BodyData) -> float:
         matrix = (matrix.reshape(count, -1) @ wide.T).reshape(matrix.shape)
     inside = _inside(table, edges, count)
     right = residual.T[inside]
-    found_ = np.linalg.solve(matrix[inside], right[:, :, None])[:, :, 0]
-    return float(np.sqrt(max(np.vdot(found_, right), 0.0)))
+    solution = np.linalg.solve(matrix[inside], right[:, :, None])[:, :, 0]
+    return float(np.sqrt(max(np.vdot(solution, right), 0.0)))
 
 
 def _inside(table: FacetTable, edges: IntArray, count: int) -> BoolArray:

@@ -155,7 +155,7 @@ class ContactTraces:
     @cached_property
     def loose(self) -> Array:
         """Projections (k, d, d) on the components that no support holds."""
-        return np.asarray(np.eye(self.data.table.dim) - self.data.unknown[self.facets])
+        return np.asarray(np.eye(self.data.table.dim) - self.data.freed(self.facets))
 
     @cached_property
     def values(self) -> tuple[Array, Array]:
@@ -169,9 +169,9 @@ class ContactTraces:
         """The same facets with fewer points in space: to look for a choice, never to judge it."""
         if self.data.table.dim == 2 or self.weights.shape[1] <= len(cut_triangle(_FEW_PARTS, self.rule)[1]):
             return self
-        found = contact_traces(self.data, _FEW_PARTS)
-        assert found is not None
-        return found
+        traces = contact_traces(self.data, _FEW_PARTS)
+        assert traces is not None
+        return traces
 
     def forces(self, moments: Array) -> Array:
         """Force of the foundation on the body, reversed, at the points: xi in local components, shape (k, q, d).
@@ -179,7 +179,7 @@ class ContactTraces:
         ``moments`` is (F, l, d).
         """
         data = self.data
-        left = data.facet_loads[self.facets] - moments[self.facets]
+        left = data.loads_on(self.facets) - moments[self.facets]
         inverse = np.linalg.inv(facet_mass(data.table.dim, data.order))
         return self._at_points(inverse @ left / data.table.measures[self.facets, None, None])
 
@@ -189,12 +189,12 @@ class ContactTraces:
         ``moments`` is (F, l, d).
         """
         data = self.data
-        left = data.facet_loads[self.facets] - moments[self.facets]
+        left = data.loads_on(self.facets) - moments[self.facets]
         share = shares(data.order, data.table.dim)[:, None] * data.table.measures[self.facets][:, None, None]
         nodal = left / share
         held = np.zeros(len(data.displacement), dtype=bool)
         outer = np.flatnonzero(~data.table.interior & (data.contact < 0))
-        held[data.facet_nodes[outer[data.unknown[outer].any(axis=(1, 2))]]] = True
+        held[data.facet_nodes[outer[data.freed(outer).any(axis=(1, 2))]]] = True
         known = ~held[data.facet_nodes[self.facets]]
         count = np.maximum(known.sum(axis=1), 1)[:, None]
         mean = np.einsum("fa,fai->fi", known.astype(float), nodal) / count
@@ -215,7 +215,7 @@ class ContactTraces:
 
     def on_facets(self, moments: Array) -> Array:
         """Moments (F, l, d) of all facets: these (k, l, d) on contact facets, zero on others."""
-        out = np.zeros(self.data.facet_loads.shape)
+        out = np.zeros((len(self.data.table.facets), *moments.shape[1:]))
         out[self.facets] = moments
         return out
 
@@ -230,11 +230,11 @@ class ContactTraces:
             pairs = (normal, along), (tangential, across)
             return np.asarray(sum(one[:, :, None, :, None] * two[:, None, :, None, :] for one, two in pairs))
         every = np.concatenate([parts[..., :1], np.repeat(parts[..., 1:], dim - 1, axis=2)], axis=2)
-        found = np.einsum(
+        mass = np.einsum(
             "fq,fqc,fqa,fqb,fqci,fqcj->faibj",
             self.weights, every, self.shapes, self.shapes, self.frames, self.frames, optimize=True,
         )  # fmt: skip
-        return np.asarray(found)
+        return np.asarray(mass)
 
     def allowed(self, forces: Array) -> Array:
         """The elements of dj(r) nearest to forces in local components, shape (k, q, d)."""
@@ -256,9 +256,9 @@ class ContactTraces:
         leaves the range of its forces at both by no more than ``alpha delta``, and one that depends on the penetration
         by ``L delta`` more. Nothing is left where all kinks are at points, with straight pieces between them.
         """
-        found = np.zeros((len(self.facets), 2))
+        unseen = np.zeros((len(self.facets), 2))
         if not isinstance(self.stated, ContactLaw):
-            return found
+            return unseen
         law, friction, shape = self.stated.normal, self.stated.friction, self.weights.shape
         hidden = self.uncut | (not is_straight(law))
         apart = np.diff(np.sort(self.local[..., 0], axis=1), axis=1).max(axis=1, initial=0.0)
@@ -268,13 +268,13 @@ class ContactTraces:
             finite = np.where(np.isfinite(values), values, 0.0)  # where it is not, there is no bound
             return np.asarray(finite.reshape(shape).max(axis=1))
 
-        found[:, 0] = np.where(hidden, steepest(normal) * apart, 0.0)
-        found[:, 1] = np.where(self.uncut | (not friction.straight_bound), steepest(self.coupling()) * apart, 0.0)
+        unseen[:, 0] = np.where(hidden, steepest(normal) * apart, 0.0)
+        unseen[:, 1] = np.where(self.uncut | (not friction.straight_bound), steepest(self.coupling()) * apart, 0.0)
         curved = not is_straight(friction.profile)
         if curved or (self.data.table.dim == 3 and (friction.profile.knots > 0.0).any()):
             sizes = np.sort(lengths(self.local[..., 1:].reshape(-1, self.local.shape[-1] - 1)).reshape(shape), axis=1)
-            found[:, 1] += steepest(tangential) * np.diff(sizes, axis=1).max(axis=1, initial=0.0)
-        return found
+            unseen[:, 1] += steepest(tangential) * np.diff(sizes, axis=1).max(axis=1, initial=0.0)
+        return unseen
 
     def square(self, off: Array) -> tuple[Array, Array]:
         """Integrals (k,) of the squares of the normal and of the tangential part of forces (k, q, d).
@@ -316,7 +316,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
         return None
     table, dim = data.table, data.table.dim
     rule = None if all(one.law.splits for one in data.problem.contact.values()) else PART_RULES[dim]
-    found, uncut = [], []
+    pieces, uncut = [], []
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)
         uncut.append(np.zeros(len(facets), dtype=bool))
@@ -331,16 +331,16 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
         local, frames, places = local_traces(data, name, facets, barycentric)
         law = data.problem.contact[name].law.at(places.reshape(-1, dim))
         law = law.in_frames(np.broadcast_to(frames, (*places.shape, dim)).reshape(-1, dim, dim))
-        found.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
-    one = all(part[3].shape[1] == 1 for part in found)
-    width = max(part[1].shape[1] for part in found)
-    law = join_laws([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in found])
-    facets = np.concatenate([part[0] for part in found])
-    barycentric = _joined([_padded(part[1], width) for part in found])
+        pieces.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
+    one = all(part[3].shape[1] == 1 for part in pieces)
+    width = max(part[1].shape[1] for part in pieces)
+    law = join_laws([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in pieces])
+    facets = np.concatenate([part[0] for part in pieces])
+    barycentric = _joined([_padded(part[1], width) for part in pieces])
     shapes = shape_values(data.order, barycentric)
-    weights = _joined([_padded(part[2], width, 0.0) for part in found])
-    axes = _joined([part[3] if one else _padded(part[3], width) for part in found])
-    local = np.concatenate([_padded(part[4], width) for part in found]).reshape(-1, dim)
+    weights = _joined([_padded(part[2], width, 0.0) for part in pieces])
+    axes = _joined([part[3] if one else _padded(part[3], width) for part in pieces])
+    local = np.concatenate([_padded(part[4], width) for part in pieces]).reshape(-1, dim)
     near = _ROUNDING * _scale(data, local)
     local = law.frozen_at(local).snap_to_kinks(local, near)
     inside = law.admissible(local)
@@ -364,8 +364,8 @@ def _filled(part: tuple[IntArray, Array, Array, Array, Array, VectorLaw], width:
 
 def beyond_domain(traces: ContactTraces) -> float:
     """By how much penetrations leave the domain of the law, between the points too where gaps are known there."""
-    found = [np.maximum(part.above, part.below).max(initial=0.0) for part in gap_ranges(traces.data)]
-    most = max([traces.beyond, *map(float, found)])
+    excesses = [np.maximum(part.above, part.below).max(initial=0.0) for part in gap_ranges(traces.data)]
+    most = max([traces.beyond, *map(float, excesses)])
     return most if most > _ROUNDING * _scale(traces.data, traces.local) else 0.0
 
 
@@ -398,7 +398,7 @@ def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array
     dim = table.dim
     places = barycentric @ table.mesh.points[table.facets[facets]]
     moved = shape_values(data.order, barycentric) @ data.jump(data.displacement, facets)
-    normals = table.normals[facets][:, None]
+    normals = table.normals_of(facets)[:, None]
     flat = places.reshape(-1, dim)
     if contact.obstacle is None:
         gap = DataField(contact.gap, f"gap of contact '{name}'").at(flat)
@@ -453,10 +453,10 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray, rule: PartRule |
             turn = (0.75 * first + 0.25 * last - middle) / (first + last - 2.0 * middle)
         turn = np.clip(np.where(np.isfinite(turn), turn, 0.0), 0.0, 1.0)
         kinks += [] if rule is None else [turn[:, :1]]  # a penetration that rises or falls on each part
-    found = np.concatenate(kinks, axis=1)
-    found = np.sort(np.where((found > 0.0) & (found < 1.0), found, 0.0), axis=1)
+    inner = np.concatenate(kinks, axis=1)
+    inner = np.sort(np.where((inner > 0.0) & (inner < 1.0), inner, 0.0), axis=1)
     even = np.broadcast_to(np.arange(parts + 1) / parts, (len(facets), parts + 1))
-    cut = np.sort(np.concatenate([even, found[:, found.any(axis=0)]], axis=1), axis=1)
+    cut = np.sort(np.concatenate([even, inner[:, inner.any(axis=0)]], axis=1), axis=1)
     length = np.diff(cut, axis=1)
     if rule is not None:
         at, share = cut[:, :-1, None] + length[:, :, None] * rule.points[:, 1], length[:, :, None] * rule.weights
@@ -513,14 +513,14 @@ def _slices(levels: Array, low: Array, middle: Array, high: Array, corners: Arra
     """
     first, second, third = corners.transpose(1, 0, 2)[:, :, None]
 
-    def way(start: Array, end: Array) -> Array:
+    def fraction(start: Array, end: Array) -> Array:
         return np.clip((levels - start) / np.where(end > start, end - start, 1.0), 0.0, 1.0)[:, :, None]
 
-    one = first + way(low, high) * (third - first)
+    one = first + fraction(low, high) * (third - first)
     bent = np.where(
         (levels < middle)[:, :, None],
-        first + way(low, middle) * (second - first),
-        second + way(middle, high) * (third - second),
+        first + fraction(low, middle) * (second - first),
+        second + fraction(middle, high) * (third - second),
     )
     rows = np.stack([one, 0.5 * (one + bent), bent], axis=1)  # (k, 3, n, 3)
     a, b, c, d = rows[:, :-1, :-1], rows[:, 1:, :-1], rows[:, :-1, 1:], rows[:, 1:, 1:]
@@ -564,11 +564,11 @@ def _move_corners(data: BodyData, moved: Array, facets: IntArray, excess: Array,
     if not (excess > near).any():
         return
     outer = np.flatnonzero(~table.interior)
-    outer = outer[data.unknown[outer].any(axis=(1, 2))]
-    normals, nodes = table.normals[facets], table.facets[facets]
+    outer = outer[data.freed(outer).any(axis=(1, 2))]
+    normals, nodes = table.normals_of(facets), table.facets[facets]
     held = np.zeros((len(moved), table.dim, table.dim))
     for corner in table.facets[outer].T:
-        np.add.at(held, corner, data.unknown[outer])
+        np.add.at(held, corner, data.freed(outer))
     most, normal = np.zeros(len(moved)), np.zeros(moved.shape)
     for corner, much in zip(nodes.T, excess.T, strict=True):
         order = np.argsort(much)  # of all facets of a node the one that penetrates most decides
@@ -605,7 +605,7 @@ def admissible_displacement(data: BodyData) -> Array:
         first, last, middle = local[..., 0].T
         beyond = middle - 0.5 * (first + last)
         normal = frames[:, -1, 0]
-        held = np.einsum("fi,fij,fj->f", normal, data.unknown[facets], normal) > _HELD
+        held = np.einsum("fi,fij,fj->f", normal, data.freed(facets), normal) > _HELD
         for end, sign in ((domain.upper, 1.0), (domain.lower, -1.0)):
             reach = (np.sqrt(np.maximum(sign * (end - value), 0.0)) for value in (first, last))
             excess = np.maximum(sign * beyond - 0.25 * sum(reach) ** 2, 0.0)

@@ -36,7 +36,6 @@ from hemivar.bounds.contact_traces import ContactTraces
 from hemivar.bounds.fenchel import FenchelGap, fenchel_gap, near_multiplier
 from hemivar.bounds.loose_motions import loose_motions
 from hemivar.bounds.oscillation import local_constants
-from hemivar.bounds.sweeps import PatchSmoother
 from hemivar.bounds.touching_bodies import contact_moments
 from hemivar.bounds.varying_gaps import gap_ranges
 from hemivar.bounds.vertex_moments import shared_on_contact
@@ -95,14 +94,14 @@ def not_convex(problem: ContactProblem) -> str:
 def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> BalancedStress | None:
     """Of a displacement in the domain of the law; None where no tractions that the law allows balance the loads."""
     body, joined = BareStiffness(data), bool(data.table.cut.any())
-    loads = _gathered(data, data.loads) + data.at_nodes(np.arange(len(data.facet_loads)), data.facet_loads)
+    loads = _gathered(data, data.loads) + data.at_nodes(data.table.outer, data.outer_loads)
     shared = shared_on_contact(data, contact_moments(data) if joined else None)
     lack = loads - _gathered(data, data.forces)
     rough, fine = (_Multipliers(at, body, loads, lack, at.interpolated(shared)) for at in (traces.rough, traces))
-    found = _best(rough, fine)
-    if found is None:
+    best = _best(rough, fine)
+    if best is None:
         return None
-    gap, force = found
+    gap, force = best
     w, paid, missed = body.solve(force), gap.normal_gap + gap.tangential_gap, _missed(traces, gap.multiplier)
     moved = data.moved(data.displacement + w)
     pressures = traces.on_facets(-traces.moments(gap.multiplier))
@@ -110,7 +109,7 @@ def balanced_stress(data: BodyData, traces: ContactTraces, sweeps: Sweeps) -> Ba
     own = admissible_stress(moved.under(pressures)) if joined else admissible_stress(moved, pressures)
     stress = replace(own, data=data)
     if sweeps.kinds:
-        stress = sweeps.lower(PatchSmoother(stress))
+        stress = sweeps.lower(sweeps.sweeper(stress))
     algebraic = float(np.sqrt(max(float(np.sum(body.solve(left, _ROUGH) * left)), 0.0)))
     every = np.eye(len(fine.works))
     unseen, loose = map(body.in_words, (every, loose_motions(rough.traces, rough.moves, rough.works, rough.size)))
@@ -122,23 +121,23 @@ def _best(rough: _Multipliers, fine: _Multipliers) -> tuple[FenchelGap, Array] |
     tried = []
     for weight in _WEIGHTS:
         b = weight * rough.body.per_length
-        found = rough.nearest(b, np.zeros(rough.moves.shape[-1]))
-        if found is not None:
-            tried.append((rough.cost(found[0]), b, found[1]))
+        pair = rough.nearest(b, np.zeros(rough.moves.shape[-1]))
+        if pair is not None:
+            tried.append((rough.cost(pair[0]), b, pair[1]))
     for _, b, q in sorted(tried, key=lambda one: one[0]):
-        found = fine.nearest(b, q)
-        if found is not None:
-            return found[0], fine.unbalanced(found[0])
+        pair = fine.nearest(b, q)
+        if pair is not None:
+            return pair[0], fine.unbalanced(pair[0])
     return None
 
 
 def unknown_gaps(traces: ContactTraces) -> Array:
     """By how much penetrations at the points may differ from what they are taken for, (k,)."""
-    found = np.zeros(len(traces.facets))
+    unknown = np.zeros(len(traces.facets))
     for part in gap_ranges(traces.data):
         at = np.isin(traces.facets, part.facets)
-        found[at] = np.where(np.isfinite(part.unknown), part.unknown, 0.0)
-    return 2.0 * found
+        unknown[at] = np.where(np.isfinite(part.unknown), part.unknown, 0.0)
+    return 2.0 * unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +170,8 @@ class _Multipliers:
 
     def _off(self, zeta: Array) -> Array:
         """What multipliers (k, q, d) work on the motions more than the loads do, (n,)."""
-        found = np.einsum("fq,fqc,fqcn->n", self.traces.weights, zeta, self.moves, optimize=True)
-        return np.asarray(found - self.works)
+        works = np.einsum("fq,fqc,fqcn->n", self.traces.weights, zeta, self.moves, optimize=True)
+        return np.asarray(works - self.works)
 
     def nearest(self, weight: float, q: Array) -> tuple[FenchelGap, Array] | None:
         """The one that is nearest to the target by a weight, and its q, from some q (n,); None where none was found."""
@@ -203,11 +202,12 @@ class _Multipliers:
     def _slope(self, wish: Array, zeta: Array, weight: float) -> Array:
         """How multipliers (k, q, d) follow what is wished for along the motions, by their works on these, (n, n)."""
         step = _STEP * max(weight * float(np.abs(self.traces.local).max()), float(np.abs(self.target).max()))
-        follows = [near_multiplier(self.traces, wish + step * way, weight)[1] - zeta for way in np.eye(wish.shape[-1])]
+        steps = step * np.eye(wish.shape[-1])
+        follows = [near_multiplier(self.traces, wish + change, weight)[1] - zeta for change in steps]
         follow = np.stack(follows, axis=-1) / step
         weights, moves = self.traces.weights, self.moves
-        found = np.einsum("fq,fqcn,fqce,fqem->nm", weights, moves, follow, moves, optimize=True)
-        return np.asarray(0.5 * (found + found.T))
+        slope = np.einsum("fq,fqcn,fqce,fqem->nm", weights, moves, follow, moves, optimize=True)
+        return np.asarray(0.5 * (slope + slope.T))
 
     def unbalanced(self, gap: FenchelGap) -> Array:
         """Forces of nodes (nodes, d) that a multiplier and the stress of the displacement do not balance."""
@@ -227,15 +227,15 @@ def _missed(traces: ContactTraces, zeta: Array) -> Array:
     projected = traces.forces(data.facet_loads + traces.on_facets(-traces.moments(zeta)))
     square, whole = (sum(traces.square(part)) for part in (zeta - projected, zeta))
     size = np.sqrt(np.where(square <= _ROUNDING**2 * whole, 0.0, square))
-    found = np.zeros(len(table.cells))
+    missed = np.zeros(len(table.cells))
     for side in (0, 1):
         seen = np.flatnonzero(table.owners[traces.facets, side] >= 0)
         cell = table.owners[traces.facets[seen], side]
         compliance = data.compliance if len(data.compliance) == 1 else data.compliance[cell]
         constants = local_constants(table, np.asarray(np.linalg.inv(compliance)), cell)
         local = table.cell_facets[cell] == traces.facets[seen, None]
-        np.add.at(found, cell, constants.facet[local] * size[seen])
-    return found
+        np.add.at(missed, cell, constants.facet[local] * size[seen])
+    return missed
 
 
 def _gathered(data: BodyData, cells: Array) -> Array:
@@ -255,10 +255,10 @@ class BareStiffness:
         self._discrete = discretize(bare, check_coercivity=False)
         assert self._discrete.field is not None
         self._field = self._discrete.field
-        found = self._field.free_motions
-        self._groups = found.groups
+        kernel = self._field.free_motions
+        self._groups = kernel.groups
         self._shape = data.displacement.shape
-        self.motions = found.motions.toarray().reshape(*self._shape, found.count)
+        self.motions = kernel.motions.toarray().reshape(*self._shape, kernel.count)
         size = float(data.table.volumes.sum()) ** (1.0 / data.table.dim)
         self.per_length = float(np.einsum("mqvv->mq", data.tensors).mean()) / data.tensors.shape[-1] / size
 
@@ -289,16 +289,16 @@ class BareStiffness:
             return self._deforming(cycle(rest))
 
         with one_thread():
-            found = conjugate_gradients(
+            solution = conjugate_gradients(
                 A, diagonal, right, deforming, tolerance * size, _CYCLES, flexible=cycle.flexible
             ).solution
-        left = float(np.linalg.norm(self._deforming(right - self._discrete.stiffness @ found)))
+        left = float(np.linalg.norm(self._deforming(right - self._discrete.stiffness @ solution)))
         if not left <= max(_LEFT, 2.0 * tolerance) * size:
             raise MethodError(
                 f"{_CYCLES} cycles of multigrid on the body without its contact leave {left / size:.2g} of the "
                 "forces; state the body with cells of better shape"
             )
-        return np.asarray(self._field.basis @ found).reshape(self._shape)
+        return np.asarray(self._field.basis @ solution).reshape(self._shape)
 
     def _deforming(self, unknowns: Array) -> Array:
         """What of unknowns (n,) is orthogonal to the motions."""

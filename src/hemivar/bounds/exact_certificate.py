@@ -70,7 +70,7 @@ def distance_to_exact(
         constants = body_constants(problem, Workspace() if own is None else own)
         if time.perf_counter() - began > max_time:
             return nothing("the time limit was reached")
-        found = exact_distance(stated, problem.field.full(unknowns), constants, workspace=own)
+        distance = exact_distance(stated, problem.field.full(unknowns), constants, workspace=own)
     except (ProblemError, MethodError) as error:
         return nothing(str(error))
     except MemoryError:
@@ -78,31 +78,31 @@ def distance_to_exact(
     except (np.linalg.LinAlgError, ArithmeticError, RuntimeError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         return nothing(f"the numbers of the problem are beyond what its computation bears ({reason})")
-    return statement_of(found, time.perf_counter() - began)
+    return statement_of(distance, time.perf_counter() - began)
 
 
-def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
+def statement_of(distance: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
     """A distance as a certificate states it."""
-    parts = found.parts
+    parts = distance.parts
     return DistanceToExact(
-        bound=found.distance,
-        relative=found.relative,
-        guaranteed=found.guaranteed and math.isfinite(found.distance),
-        reasons=found.reasons,
-        conditions=found.conditions if math.isfinite(found.distance) else (),
-        unique=found.unique and math.isfinite(found.distance),
-        unseen=found.unseen if math.isfinite(found.distance) else "",
-        loose=found.loose if math.isfinite(found.distance) else "",
+        bound=distance.distance,
+        relative=distance.relative,
+        guaranteed=distance.guaranteed and math.isfinite(distance.distance),
+        reasons=distance.reasons,
+        conditions=distance.conditions if math.isfinite(distance.distance) else (),
+        unique=distance.unique and math.isfinite(distance.distance),
+        unseen=distance.unseen if math.isfinite(distance.distance) else "",
+        loose=distance.loose if math.isfinite(distance.distance) else "",
         misfit=parts.misfit,
         contact=parts.contact,
         oscillation=parts.oscillation,
         algebraic=parts.algebraic,
         correction=parts.correction,
         gap=parts.gap,
-        constant=found.constant,
+        constant=distance.constant,
         seconds=seconds,
-        above=found.above,
-        geometry=body_shape(found.stress.data.table.mesh),
+        above=distance.above,
+        geometry=body_shape(distance.stress.data.table.mesh),
     )
 
 
@@ -130,7 +130,7 @@ def trace_bound(statement: ContactProblem, norm: Material, workspace: Workspace 
     try:
         if statement.kind:
             return scalar_trace_bound(statement)
-        found = lower_bounds(replace(statement, material=norm), workspace=workspace)
+        bounds = lower_bounds(replace(statement, material=norm), workspace=workspace)
     except (ProblemError, MemoryError, np.linalg.LinAlgError, RuntimeError):  # ARPACK raises the last
         return None
-    return float(found.both.lower**-0.5)
+    return float(bounds.both.lower**-0.5)

@@ -194,12 +194,12 @@ class ExactDistance:
 
     def added(self, constants: TraceBounds) -> Array:
         """What each cell adds, its contact facets included, (M,)."""
-        found, table = self.cells + self.missed, self.stress.data.table
+        shares, table = self.cells + self.missed, self.stress.data.table
         if len(self.facets):
             owner = table.owners[table.numbers(self.facets), 0]
             known = 0.0 < constants.both < np.inf
-            np.add.at(found, owner, self.facet_gap + (self.facet_contact / constants.both if known else 0.0))
-        return found
+            np.add.at(shares, owner, self.facet_gap + (self.facet_contact / constants.both if known else 0.0))
+        return shares
 
     @property
     def relative(self) -> float:
@@ -259,28 +259,28 @@ def exact_distance(
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     chosen = Sweeps.usual(problem.mesh.dim, problem.order) if sweeps is None else Sweeps(sweeps)
     if touch(problem) and joined_sides(problem) is None:
-        found = _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
+        distance = _of_touching_bodies(problem, displacement, chosen, [*unmet, _APART])
     else:
-        found = _of_body(problem, displacement, constants, chosen, unmet, workspace)
-        if touch(problem) and not found.distance < np.inf:
-            why = [reason.removeprefix("there is no bound: ") for reason in found.reasons]
-            found = _of_touching_bodies(problem, displacement, chosen, why)
-    return found if sweeps is not None else _by_better_cells(problem, displacement, constants, chosen, found)
+        distance = _of_body(problem, displacement, constants, chosen, unmet, workspace)
+        if touch(problem) and not distance.distance < np.inf:
+            why = [reason.removeprefix("there is no bound: ") for reason in distance.reasons]
+            distance = _of_touching_bodies(problem, displacement, chosen, why)
+    return distance if sweeps is not None else _by_better_cells(problem, displacement, constants, chosen, distance)
 
 
 def _by_better_cells(
-    problem: ContactProblem, displacement: Array, constants: TraceBounds, sweeps: Sweeps, found: ExactDistance
+    problem: ContactProblem, displacement: Array, constants: TraceBounds, sweeps: Sweeps, distance: ExactDistance
 ) -> ExactDistance:
     """The least bound by way of displacements on better cells, where those of the mesh are flat; else that in hand.
 
     What it says of cells and facets stays that of the mesh of the displacement.
     """
-    data = found.stress.data
-    told, wanted = are_flat(data.table)
-    if not found.distance < np.inf or not told:
-        return found
+    data = distance.stress.data
+    flat, wanted = are_flat(data.table)
+    if not distance.distance < np.inf or not flat:
+        return distance
     seen = unresolved(data) if data.order == 1 else 0.0
-    best, finer, added = found, found, found.added(constants)
+    best, finer, added = distance, distance, distance.added(constants)
     for _ in range(_MESHES if wanted and not touch(problem) else 0):  # cut alike on both sides they would stay one
         if best.distance <= _ENOUGH * seen:
             break
@@ -293,7 +293,7 @@ def _by_better_cells(
         finer, apart = other
         added, seen = finer.added(constants), max(seen, apart)
         if finer.guaranteed >= best.guaranteed and finer.distance + apart < best.distance:
-            best = _by_way_of(found, finer, apart)
+            best = _by_way_of(distance, finer, apart)
     return replace(best, above=best.distance / seen if seen > 0.0 else 0.0)
 
 
@@ -302,11 +302,11 @@ def _on_better_cells(
     displacement: Array,
     constants: TraceBounds,
     sweeps: Sweeps,
-    found: ExactDistance,
+    distance: ExactDistance,
     added: Array,
 ) -> tuple[ExactDistance, float] | None:
     """The bound of the solution on better cells, and how far that is from a displacement; None without such cells."""
-    mesh = bettered(found.stress.data.table, added)
+    mesh = bettered(distance.stress.data.table, added)
     if mesh is None:
         return None
     other = replace(problem, mesh=mesh)
@@ -318,11 +318,11 @@ def _on_better_cells(
     return finer, float(np.sqrt(finer.stress.data.moved(change).energy))
 
 
-def _by_way_of(found: ExactDistance, finer: ExactDistance, apart: float) -> ExactDistance:
+def _by_way_of(distance: ExactDistance, finer: ExactDistance, apart: float) -> ExactDistance:
     """A bound by another displacement so far away; what belongs to cells and facets stays."""
     own = ("energy_norm", "stress", "cells", "missed", "facets", "facet_contact", "facet_gap")
     parts = replace(finer.parts, correction=finer.parts.correction + apart)
-    kept = {name: getattr(found, name) for name in own}
+    kept = {name: getattr(distance, name) for name in own}
     return replace(finer, distance=finer.distance + apart, parts=parts, **kept)
 
 
@@ -342,32 +342,32 @@ def _of_body(
     known = constants.guaranteed and constants.both > 0.0 and fixed_gaps(problem)
 
     def by_constants() -> ExactDistance:
-        found = _bound(improved_stress(data, traces, constants, sweeps, moved), data, traces, constants, unmet)
-        if not found.missed.sum() > (_MISSED * found.parts.misfit) ** 2:
-            return found
-        better = _bettered(found, lambda: _with_exact_loads(data, moved, traces, constants, sweeps, unmet))
-        return replace(better, missed=found.missed)  # cells are marked by what is missed in them all the same
+        bound = _bound(improved_stress(data, traces, constants, sweeps, moved), data, traces, constants, unmet)
+        if not bound.missed.sum() > (_MISSED * bound.parts.misfit) ** 2:
+            return bound
+        better = _bettered(bound, lambda: _with_exact_loads(data, moved, traces, constants, sweeps, unmet))
+        return replace(better, missed=bound.missed)  # cells are marked by what is missed in them all the same
 
-    found = by_constants() if known else None
-    poor = found is None or found.parts.contact > _POOR * found.parts.misfit
+    bound = by_constants() if known else None
+    poor = bound is None or bound.parts.contact > _POOR * bound.parts.misfit
     if traces is None or not poor or not_convex(problem):
-        return by_constants() if found is None else found
-    if found is None:
+        return by_constants() if bound is None else bound
+    if bound is None:
         return _without_constants(data, traces, constants, sweeps, unmet) or by_constants()
-    return _bettered(found, lambda: _without_constants(data, traces, constants, sweeps, unmet))
+    return _bettered(bound, lambda: _without_constants(data, traces, constants, sweeps, unmet))
 
 
-def _bettered(found: ExactDistance, attempt: Callable[[], ExactDistance | None]) -> ExactDistance:
+def _bettered(bound: ExactDistance, attempt: Callable[[], ExactDistance | None]) -> ExactDistance:
     """The better of what is in hand and of an attempt, whatever becomes of this: a bound before an estimate."""
     try:
         other = attempt()
     except _IN_VAIN:
-        return found
+        return bound
 
     def rank(one: ExactDistance) -> tuple[bool, bool, bool, float]:
         return not one.distance < np.inf, not (one.guaranteed or one.conditions), not one.guaranteed, one.distance
 
-    return found if other is None or rank(found) <= rank(other) else other
+    return bound if other is None or rank(bound) <= rank(other) else other
 
 
 def _without_constants(
@@ -437,11 +437,11 @@ def _of_touching_bodies(
     """An estimate: each part under its own contact tractions, and the c of the mesh."""
     data, c = touching_bodies(problem, displacement)
     constants = TraceBounds(np.inf, np.inf, np.inf, np.inf, True, "")
-    found = _bound(improved_stress(data, None, constants, sweeps), data, None, constants, unmet)
+    distance = _bound(improved_stress(data, None, constants, sweeps), data, None, constants, unmet)
     if c < 1.0:
-        return replace(found, distance=found.distance / (1.0 - c), constant=c)
+        return replace(distance, distance=distance.distance / (1.0 - c), constant=c)
     reason = f"there is no estimate: the foundation softens too much for the bodies (c = {c:.3g} on this mesh)"
-    return replace(found, distance=np.inf, constant=c, reasons=(*found.reasons, reason))
+    return replace(distance, distance=np.inf, constant=c, reasons=(*distance.reasons, reason))
 
 
 def improved_stress(
@@ -461,7 +461,7 @@ def improved_stress(
         stress = replace(stress, data=wanted)
     if not sweeps.kinds:
         return stress
-    sweeper = PatchSmoother(stress)
+    sweeper = sweeps.sweeper(stress)
     del stress  # what has been computed of it is large, and of no use any more
     if traces is not None and data.order == 2:
         for _ in range(_NEAR):
@@ -516,9 +516,9 @@ def _price(sweeper: PatchSmoother, traces: ContactTraces, constants: TraceBounds
 
 def _without_rounding(forces: Array, sweeper: PatchSmoother) -> Array:
     """Forces without those that are rounding: on which side of zero they are would decide which multipliers follow."""
-    measures = sweeper.data.table.measures
-    tractions = sweeper.moments.reshape(len(measures), -1) / measures[:, None]
-    largest = max(tractions.max(initial=0.0), -tractions.min(initial=0.0))
+    measures, moments = sweeper.data.table.measures, sweeper.moments
+    sizes = np.maximum(moments.max(axis=(1, 2)), -moments.min(axis=(1, 2)))
+    largest = (sizes / measures).max(initial=0.0)
     return np.where(np.abs(forces) <= _ROUNDING * largest, 0.0, forces)
 
 
@@ -528,10 +528,10 @@ def _multiplier(
     """zeta (k, q, d) for forces (k, q, d), as :class:`_Choice` describes it."""
     if weight is None:
         return exact_gap(traces, forces).multiplier
-    found = fenchel_gap(traces, forces, weight)
+    gap = fenchel_gap(traces, forces, weight)
     if paying[0].all() and paying[1].all():
-        return found.multiplier
-    return found.only(paying, traces, forces, exact_gap(traces, forces).multiplier).multiplier
+        return gap.multiplier
+    return gap.only(paying, traces, forces, exact_gap(traces, forces).multiplier).multiplier
 
 
 def _best_gap(
@@ -596,7 +596,7 @@ def _bound(
     count = 0 if traces is None else len(traces.facets)
     nodes = table.facets[np.zeros(0, dtype=np.int64) if traces is None else traces.facets]
     none = np.zeros(count, dtype=bool)
-    found = _Choice(
+    choice = _Choice(
         base, 0.0, 0.0, 2, np.zeros(count), np.zeros(count), (np.zeros(count), np.zeros(count)), (none, none)
     )
     wrong = ""
@@ -605,26 +605,26 @@ def _bound(
             reasons.append(_left_domain(traces.beyond))
         reasons += _doubts(traces, constants)
         modes = SoftModes(traces)
-        found = _chosen(traces, stress.tractions.moments, constants, base, modes, direct - eta_all)
-        if constants.guaranteed and any(part.any() for part in found.alpha) and found.value < np.inf:
-            wrong = _contradiction(found, modes)
-            found = replace(found, value=np.inf) if wrong else found
-        if found.falls and not found.value < np.inf:
+        choice = _chosen(traces, stress.tractions.moments, constants, base, modes, direct - eta_all)
+        if constants.guaranteed and any(part.any() for part in choice.alpha) and choice.value < np.inf:
+            wrong = _contradiction(choice, modes)
+            choice = replace(choice, value=np.inf) if wrong else choice
+        if choice.falls and not choice.value < np.inf:
             reasons.append(
-                f"the displacement passes a downward jump of the law on {found.falls} contact facets, where no "
+                f"the displacement passes a downward jump of the law on {choice.falls} contact facets, where no "
                 "constant of the law is finite"
             )
     if wrong:
         reasons.append(wrong)
-    elif not found.value < np.inf and (traces is None or _coupling(traces, constants) < np.inf):
-        reasons.append(f"there is no bound: {_cause(found, constants, traces)}")
+    elif not choice.value < np.inf and (traces is None or _coupling(traces, constants) < np.inf):
+        reasons.append(f"there is no bound: {_cause(choice, constants, traces)}")
     parts = DistanceParts(
-        eta, found.contact, float(found.facet_gap.sum()), max(eta_all - eta, 0.0) + missed, algebraic, correction
+        eta, choice.contact, float(choice.facet_gap.sum()), max(eta_all - eta, 0.0) + missed, algebraic, correction
     )
     return ExactDistance(
-        found.value + correction, float(np.sqrt(data.energy)), parts, found.constant, found.theorem,
+        choice.value + correction, float(np.sqrt(data.energy)), parts, choice.constant, choice.theorem,
         not (reasons or conditions), (*reasons, *conditions), stress, _cells(stress.misfit, rest), rest.missed, nodes,
-        found.facet_contact, found.facet_gap, tuple(conditions) if not reasons else (),
+        choice.facet_contact, choice.facet_gap, tuple(conditions) if not reasons else (),
         not (reasons or conditions) and (traces is None or _whole_constant(traces, constants) < 1.0),
     )  # fmt: skip
 
@@ -666,22 +666,22 @@ def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
 
 def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     """What of the law is not known."""
-    law, coupling, found = traces.law, _coupling(traces, constants), []
+    law, coupling, doubts = traces.law, _coupling(traces, constants), []
     if coupling == np.inf and not np.isinf(traces.coupling()).any():
-        found.append("only contact constrains the body, and its law depends on the solution: there is no bound")
+        doubts.append("only contact constrains the body, and its law depends on the solution: there is no bound")
     elif coupling == np.inf:
-        found.append(
+        doubts.append(
             "the tractions of the law jump with the mode: there is no bound"
             if traces.stated.depends_on_whole_state
             else "the friction bound depends on the pressure, or jumps with the penetration: there is no bound"
         )
     if min(law.alpha_reach) == 0.0:
-        found.append(f"a constant of the law is {law.alpha_doubt}")
+        doubts.append(f"a constant of the law is {law.alpha_doubt}")
     if traces.stated.lipschitz_sampled:
-        found.append(f"how {_what_depends(traces.stated)} is known from samples only")
+        doubts.append(f"how {_what_depends(traces.stated)} is known from samples only")
     elif traces.rule is not None and traces.stated.state_dependent and coupling < np.inf:
-        found.append(f"how {_what_depends(traces.stated)} is evaluated at quadrature points only")
-    return found
+        doubts.append(f"how {_what_depends(traces.stated)} is evaluated at quadrature points only")
+    return doubts
 
 
 def _what_depends(law: VectorLaw) -> str:

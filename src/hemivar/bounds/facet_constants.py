@@ -103,8 +103,8 @@ def _loaded(dim: int) -> tuple[Array, Array]:
         for c in range(dim):
             row = moments + a * dim + c
             for i, members in enumerate(facet_vertices(dim)):
-                for place in np.flatnonzero(members == a):
-                    work[row, (i * dim + int(place)) * dim + c] -= 1.0
+                for corner in np.flatnonzero(members == a):
+                    work[row, (i * dim + int(corner)) * dim + c] -= 1.0
             work[row, moments:] = shear * voigt(np.outer(np.eye(dim)[c], gradients[a]))
     return work, energies
 
@@ -132,10 +132,10 @@ def facet_constants(table: FacetTable, compliance: Array, facets: IntArray) -> F
     if table.dim == 2:
         every = np.arange(len(facets))
         return FacetConstants(_of_cells(table, compliance, facets), _pairs(table, facets, every))
-    found = _in_space(table, compliance, facets, _PRISMS)
-    if found.together.nnz == len(facets):
-        return found
-    return min(found, _in_space(table, compliance, facets, _FRUSTA), key=FacetConstants.total)
+    constants = _in_space(table, compliance, facets, _PRISMS)
+    if constants.together.nnz == len(facets):
+        return constants
+    return min(constants, _in_space(table, compliance, facets, _FRUSTA), key=FacetConstants.total)
 
 
 def _in_space(table: FacetTable, compliance: Array, facets: IntArray, kinds: tuple[int, ...]) -> FacetConstants:
@@ -149,7 +149,7 @@ def _in_space(table: FacetTable, compliance: Array, facets: IntArray, kinds: tup
         own = own.copy()
         own[none], kind[none] = softest(compliance), room(table, facets[none], outer, kinds)
     top, height = np.array(KINDS)[kind].T
-    up = -(height * np.sqrt(2.0 * table.measures[facets]))[:, None] * table.normals[facets]
+    up = -(height * np.sqrt(2.0 * table.measures[facets]))[:, None] * table.normals_of(facets)
     on, off = np.flatnonzero(kind >= 0), np.flatnonzero(kind < 0)
     squares = np.empty(len(facets))
     squares[on] = prism_squares(kind[on], corners[on], up[on], own[on])
@@ -203,10 +203,10 @@ def _of_cells(table: FacetTable, compliance: Array, facets: IntArray) -> Array:
     _, first, number = np.unique(np.round(key, _DIGITS), axis=0, return_index=True, return_inverse=True)
     unit = matrices[first] / softness[first, None, None]
     if dim == 2:
-        found = _of_triangles(shape[first], unit)
+        squares = _of_triangles(shape[first], unit)
     else:
-        found = np.array([_of_tetrahedron(s, m) for s, m in zip(shape[first], unit, strict=True)])
-    return np.asarray(found[number.ravel()] * size * softness)
+        squares = np.array([_of_tetrahedron(s, m) for s, m in zip(shape[first], unit, strict=True)])
+    return np.asarray(squares[number.ravel()] * size * softness)
 
 
 # ---- cells ---------------------------------------------------------------------------------------------------------
@@ -234,9 +234,9 @@ def _of_triangles(corners: Array, compliance: Array) -> Array:
     pulled = pulled_back(np.repeat(compliance, cells, axis=0), jacobian, np.abs(np.linalg.det(jacobian)))
     blocks = equilibrated_blocks(pulled, jacobian).reshape(count, cells, 12, 12)
     n = 4 * len(table.facets)
-    place = (table.cell_facets[:, :, None] * 4 + np.arange(4)).reshape(cells, 12)
+    dofs = (table.cell_facets[:, :, None] * 4 + np.arange(4)).reshape(cells, 12)
     K: Array = np.zeros((count, n * n))
-    flat = (place[:, :, None] * n + place[:, None, :]).ravel()
+    flat = (dofs[:, :, None] * n + dofs[:, None, :]).ravel()
     for shape, block in zip(K, blocks, strict=True):
         shape += np.bincount(flat, block.ravel(), minlength=n * n)
     K = K.reshape(count, n, n)
@@ -257,12 +257,12 @@ def _of_triangles(corners: Array, compliance: Array) -> Array:
     functions = np.einsum("sf,ca,fak,ij->sfcikj", length**0.5, mass_root(2), linear, np.eye(2)).reshape(
         count, len(on), -1
     )
-    found = np.empty(count)
+    squares = np.empty(count)
     for shape, (K_on, L) in enumerate(zip(condensed, functions, strict=True)):
         free = la.null_space(L.T, rcond=1e-10)
         inverse = la.pinvh(0.5 * (K_on + K_on.T), rtol=1e-11)
-        found[shape] = la.eigvalsh(free.T @ inverse @ free)[-1]
-    return found / (1.0 - 0.5**times)
+        squares[shape] = la.eigvalsh(free.T @ inverse @ free)[-1]
+    return squares / (1.0 - 0.5**times)
 
 
 def mass_root(count: int) -> Array:
@@ -294,13 +294,13 @@ def _one_cell(corners: Array) -> Mesh:
 
 def _children(mesh: Mesh) -> list[Array]:
     """Shapes of the cells at the loaded facet, of volume one."""
-    found = []
+    shapes = []
     for facet in mesh.boundaries["loaded"]:
         cell = mesh.cells[np.isin(mesh.cells, facet).sum(axis=1) == mesh.dim][0]
         corners = mesh.points[[*np.setdiff1d(cell, facet), *facet]]
         volume = abs(np.linalg.det(corners[1:] - corners[0])) / math.factorial(mesh.dim)
-        found.append((corners - corners[0]) / volume ** (1.0 / mesh.dim))
-    return found
+        shapes.append((corners - corners[0]) / volume ** (1.0 / mesh.dim))
+    return shapes
 
 
 def _shape_key(corners: Array) -> bytes:

@@ -58,8 +58,6 @@ class FacetTable:
     signs: Array  # (M, d + 1)
     #: The cells of each facet, the first and the second; -1 in place of a second one on the boundary.
     owners: IntArray  # (F, 2)
-    #: B of ``x = B x^ + x_0``.
-    jacobian: Array  # (M, d, d)
     #: Of the barycentric coordinates.
     gradients: Array  # (M, d + 1, d)
     #: Normals of the facets times their measures, outward from the first cell.
@@ -83,9 +81,9 @@ class FacetTable:
         """The table of a mesh that has the same nodes and cells, and maybe other names."""
         if mesh is self.mesh:
             return self
-        found, own = replace(self, mesh=mesh), {each.name for each in fields(self)}
-        vars(found).update({name: value for name, value in vars(self).items() if name not in own})
-        return found
+        table, own = replace(self, mesh=mesh), {each.name for each in fields(self)}
+        vars(table).update({name: value for name, value in vars(self).items() if name not in own})
+        return table
 
     @property
     def volumes(self) -> Array:
@@ -93,14 +91,18 @@ class FacetTable:
         return self.sizes / math.factorial(self.dim)
 
     @property
+    def jacobian(self) -> Array:
+        """B of ``x = B x^ + x_0``, shape (M, d, d)."""
+        return _jacobian(self.mesh.points, self.cells)
+
+    @property
     def inverse(self) -> Array:
         """Inverses of the Jacobians, shape (M, d, d): the gradients of all barycentric coordinates but the first."""
         return self.gradients[:, 1:]
 
-    @cached_property
-    def normals(self) -> Array:
-        """Unit normals of the facets, shape (F, d), outward from the first cell."""
-        return np.asarray(self.area_normals / self.measures[:, None])
+    def normals_of(self, facets: IntArray | slice) -> Array:
+        """Unit normals (k, d) of facets, outward from the first cell."""
+        return np.asarray(self.area_normals[facets] / self.measures[facets, None])
 
     @cached_property
     def cut(self) -> BoolArray:
@@ -111,6 +113,18 @@ class FacetTable:
     def interior(self) -> BoolArray:
         """Which facets lie inside of one body, shape (F,)."""
         return np.asarray((self.owners[:, 1] >= 0) & ~self.cut)
+
+    @cached_property
+    def outer(self) -> IntArray:
+        """The other facets, shape (b,)."""
+        return np.flatnonzero(~self.interior)
+
+    @cached_property
+    def outer_places(self) -> IntArray:
+        """Where facets stand among those, shape (F,); 0 for facets inside."""
+        places = np.zeros(len(self.facets), dtype=np.int64)
+        places[self.outer] = np.arange(len(self.outer))
+        return places
 
     def edge_numbers(self, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
         """Numbers (k, e) of edges, by local ends in simplices (k, l); edges at one place have one number."""
@@ -129,8 +143,13 @@ class FacetTable:
         first, second = np.array(EDGES[self.dim]).T
         local = np.zeros((self.dim + 1, self.dim + 1), dtype=np.int64)
         local[first, second] = local[second, first] = np.arange(len(first))
-        rank = np.argsort(self.mesh.cells, axis=1)
-        return np.take_along_axis(self.mesh.cell_edges, local[rank[:, first], rank[:, second]], axis=1)
+        cells, known = self.mesh.cells, self.mesh.cell_edges
+        out = np.empty((len(cells), len(first)), dtype=np.int64)
+        for start in range(0, len(out), _CELLS):
+            part = slice(start, start + _CELLS)
+            rank = np.argsort(cells[part], axis=1)
+            out[part] = np.take_along_axis(known[part], local[rank[:, first], rank[:, second]], axis=1)
+        return out
 
     @cached_property
     def stars(self) -> tuple[IntArray, IntArray, AnyArray]:
@@ -138,15 +157,15 @@ class FacetTable:
 
         A pair of a cell and a vertex of it has the number ``cell (d + 1) + vertex``.
         """
-        found = mesh_stars(self.cells, self.mesh.number_of_nodes)
-        if found is not None:
-            return found
+        compiled = mesh_stars(self.cells, self.mesh.number_of_nodes)
+        if compiled is not None:
+            return compiled
         vertex = self.cells.ravel()
         count = np.bincount(vertex, minlength=self.mesh.number_of_nodes)
         start, pairs = np.concatenate([[0], np.cumsum(count)]), np.argsort(vertex, kind="stable")
-        place = np.empty(len(pairs), dtype=np.int32)
-        place[pairs] = np.arange(len(pairs)) - np.repeat(start[:-1], count)
-        return start, pairs, place
+        rank = np.empty(len(pairs), dtype=np.int32)
+        rank[pairs] = np.arange(len(pairs)) - np.repeat(start[:-1], count)
+        return start, pairs, rank
 
     @cached_property
     def _keys(self) -> IntArray:
@@ -161,6 +180,16 @@ class FacetTable:
         out = np.take(moments, self.cell_facets[cells], axis=0)
         out *= self.signs[cells, :, None, None]
         return out
+
+
+def _jacobian(points: Array, cells: IntArray) -> Array:
+    """Differences (M, d, d) of the vertices of cells to the first one, in columns."""
+    out = np.empty((len(cells), points.shape[1], points.shape[1]))
+    for start in range(0, len(out), _CELLS):
+        part = slice(start, start + _CELLS)
+        corner = points[cells[part]]
+        out[part] = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
+    return out
 
 
 def _gradients(jacobian: Array) -> Array:
@@ -199,24 +228,26 @@ def facet_table(mesh: Mesh, places: IntArray | None = None, second: IntArray | N
     if second is not None:
         last = np.isin(facet_keys(cells[:, facet_vertices(dim)].reshape(-1, dim), count), facet_keys(second, count))
         last = last.reshape(cells.shape)
-    found = mesh_facets(cells, placed, count, last)
-    numbers, signs, owners, facets, others = _facets(cells, places, count, last) if found is None else found
+    made = mesh_facets(cells, placed, count, last)
+    numbers, signs, owners, facets, others = _facets(cells, places, count, last) if made is None else made
     points = np.ascontiguousarray(mesh.points)
-    shape = mesh_geometry(points, cells, numbers, signs, len(facets)) or _geometry(points, cells, owners, numbers)
+    compiled = mesh_geometry(points, cells, numbers, signs, len(facets))
+    shape = _geometry(points, cells, owners, numbers) if compiled is None else compiled[1:]
+    if np.array_equal(facets, others):
+        others = facets
     sizes = math.factorial(dim) * np.asarray(mesh.volumes)
     return FacetTable(mesh, places, cells, facets, others, numbers, signs, owners, *shape, sizes)
 
 
-def _geometry(points: Array, cells: IntArray, owners: IntArray, numbers: IntArray) -> tuple[Array, Array, Array, Array]:
-    """Jacobians and gradients of cells, normals and measures of facets, by NumPy."""
-    corner = points[cells]
-    jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
+def _geometry(points: Array, cells: IntArray, owners: IntArray, numbers: IntArray) -> tuple[Array, Array, Array]:
+    """Gradients of cells, normals and measures of facets, by NumPy."""
+    jacobian = _jacobian(points, cells)
     gradients, dim = _gradients(jacobian), points.shape[1]
     cell = owners[:, 0]
     local = np.argmax(numbers[cell] == np.arange(len(owners))[:, None], axis=1)
     volumes = np.abs(np.linalg.det(jacobian)) / math.factorial(dim)
     normals = -dim * volumes[cell, None] * gradients[cell, local]
-    return jacobian, gradients, normals, np.asarray(np.linalg.norm(normals, axis=1))
+    return gradients, normals, np.asarray(np.linalg.norm(normals, axis=1))
 
 
 def _facets(

@@ -162,14 +162,14 @@ def _majorised(traces: ContactTraces, rule: PartRule, forces: Array, weight: flo
     lam = law.nearest_multiplier(p, target)
     y = (lam + flat(alpha) * p).reshape(ends.shape)
     gaps = _fenchel(law, flat(alpha), flat(ends), p, flat(y)).reshape(ends.shape[:3])
-    found = gaps.mean(axis=2)
-    found += np.einsum("kpac,kpac->kp", y - y.mean(axis=2, keepdims=True), ends - ends.mean(axis=2, keepdims=True)) / (
+    bound = gaps.mean(axis=2)
+    bound += np.einsum("kpac,kpac->kp", y - y.mean(axis=2, keepdims=True), ends - ends.mean(axis=2, keepdims=True)) / (
         d + 1
     )
     if traces.data.order == 2:
-        found += _control(traces, rule, r, all_alpha, y)
+        bound += _control(traces, rule, r, all_alpha, y)
     measures = traces.weights.reshape(shape[:3]).sum(axis=2)
-    gap = np.where(measures > 0.0, np.maximum(found, 0.0) * measures, 0.0).sum(axis=1)
+    gap = np.where(measures > 0.0, np.maximum(bound, 0.0) * measures, 0.0).sum(axis=1)
     zeta = (np.einsum("na,kpac->kpnc", rule.points, y) - all_alpha * r).reshape(forces.shape)
     return FenchelGap(weight, zeta, *traces.square(forces - zeta), gap, np.zeros(k))
 
@@ -208,8 +208,8 @@ def _control(traces: ContactTraces, rule: PartRule, r: Array, alpha: Array, y: A
 
     def raised(values: Array) -> Array:
         whole = values.reshape(-1, count)
-        found = law.value(whole).reshape(values.shape[:2]) + 0.5 * (alpha[:, :, 2] * values**2).sum(axis=2)
-        return np.asarray(found)
+        energy = law.value(whole).reshape(values.shape[:2]) + 0.5 * (alpha[:, :, 2] * values**2).sum(axis=2)
+        return np.asarray(energy)
 
     means = 0.5 * (raised(ends[:, :, 0]) + raised(ends[:, :, 1]))
     return np.asarray((raised(snapped) - means - (y.mean(axis=2) * e).sum(axis=2)) / 3.0)
@@ -221,12 +221,12 @@ def following(forces: Array, multiplier: Callable[[Array], Array]) -> Array:
     The tangential one is that along the force, which is the least.
     """
     size = np.sqrt(np.einsum("fqi,fqi->fq", forces[..., 1:], forces[..., 1:]))[..., None]
-    way = np.ones(forces.shape)
-    way[..., 1:] = np.where(size > 0.0, forces[..., 1:] / np.where(size > 0.0, size, 1.0), way[..., 1:])
+    direction = np.ones(forces.shape)
+    direction[..., 1:] = np.where(size > 0.0, forces[..., 1:] / np.where(size > 0.0, size, 1.0), direction[..., 1:])
     step = _STEP * float(np.abs(forces).max(initial=0.0))
     if step == 0.0:
         return np.zeros((*forces.shape[:2], 2))
-    change = way * (multiplier(forces + step * way) - multiplier(forces - step * way)) / (2.0 * step)
+    change = direction * (multiplier(forces + step * direction) - multiplier(forces - step * direction)) / (2.0 * step)
     return np.asarray(np.clip(np.stack([change[..., 0], change[..., 1:].sum(axis=2)], axis=2), 0.0, 1.0))
 
 
@@ -323,6 +323,6 @@ def _beside_knots(law: Superpotential, low: Array, high: Array, shape: tuple[int
         for side in sides:
             slope = side[:, number]
             known = inside & np.isfinite(slope)
-            found = one_sided(law, np.where(known, knot, 0.0), np.where(known, slope, 0.0))
-            worst = np.maximum(worst, np.where(known, found, 0.0).reshape(shape))
+            constants = one_sided(law, np.where(known, knot, 0.0), np.where(known, slope, 0.0))
+            worst = np.maximum(worst, np.where(known, constants, 0.0).reshape(shape))
     return worst

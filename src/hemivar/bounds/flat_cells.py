@@ -45,8 +45,8 @@ def _flatness(table: FacetTable) -> Array:
 def largest_share(added: Array, share: float) -> BoolArray:
     """The fewest cells that hold a share of the sum, and those that add as much as the last of them."""
     largest = -np.sort(-added)
-    held = np.cumsum(largest)
-    last = largest[min(int(np.searchsorted(held, share * held[-1])), len(largest) - 1)]
+    cumulative = np.cumsum(largest)
+    last = largest[min(int(np.searchsorted(cumulative, share * cumulative[-1])), len(largest) - 1)]
     return np.asarray(added >= (1.0 - _ALIKE) * last)
 
 

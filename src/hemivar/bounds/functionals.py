@@ -67,7 +67,7 @@ def work(data: BodyData, field: Array) -> float:
     gradient = np.einsum("mai,maj->mij", field[table.cells], table.gradients, optimize=True)
     inner = np.einsum("m,mij,mij->", table.volumes, data.stress, gradient, optimize=True)
     loads = np.einsum("mai,mai->", data.loads, field[table.cells])
-    return float(inner - loads - np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
+    return float(inner - loads - np.einsum("fai,fai->", data.outer_loads, field[table.facets[table.outer]]))
 
 
 def _summed(members: IntArray, local: Array, count: int) -> Array:
@@ -92,23 +92,23 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
     given = np.asarray(abs(basis).T @ rows) > _NONE
     free = np.flatnonzero(~given)
     factor = factorise(K[free][:, free], np.zeros(0, dtype=np.int64)) if free.size else None
-    found = []
+    components = []
     for axis in goal.axes:
-        wanted, held, jump = _wanted(goal, data, axis)
-        values = lift @ (np.where(touching[:, None], wanted, 0.0) - held).ravel()
+        wanted, fixed, jump = _wanted(goal, data, axis)
+        values = lift @ (np.where(touching[:, None], wanted, 0.0) - fixed).ravel()
         y = np.where(given, values, 0.0)
-        start = held + np.asarray(basis @ y).reshape(held.shape)
+        start = fixed + np.asarray(basis @ y).reshape(fixed.shape)
         if factor is not None:
             push = np.asarray(basis.T @ nodal_forces(data, strained(data, start)[1]).ravel())
             y[free] = -factor.solve_interior(push[free])
-        field = held + np.asarray(basis @ y).reshape(held.shape)
+        field = fixed + np.asarray(basis @ y).reshape(fixed.shape)
         rest = np.zeros(data.facet_loads.shape)
         rest[facets] = data.jump(field, facets) - jump[facets, None]
-        loose = np.eye(dim) - data.unknown[facets]
+        loose = np.eye(dim) - data.freed(facets)
         rest[facets] = np.einsum("fij,faj->fai", loose, rest[facets])
         rest[np.abs(rest) < _NONE] = 0.0
-        found.append(Functional(axis, field, np.zeros(rest.shape), rest, _hindrance(goal, data, axis, field)))
-    return tuple(found)
+        components.append(Functional(axis, field, np.zeros(rest.shape), rest, _hindrance(goal, data, axis, field)))
+    return tuple(components)
 
 
 def strained(data: BodyData, field: Array) -> tuple[Array, Array]:
@@ -133,13 +133,13 @@ def _wanted(goal: Goal, data: BodyData, axis: int) -> tuple[Array, Array, Array]
     """What w should be at contact nodes (N, d), what it is in the directions that are held (N, d), and what contact
     facets should see of it (F, d)."""
     mesh, dim = data.table.mesh, data.table.dim
-    wanted, held, jump = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape), np.zeros((len(data.contact), dim))
+    wanted, fixed, jump = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape), np.zeros((len(data.contact), dim))
     if goal.kind is GoalKind.CONTACT_FORCE:
         number, other = _contact(goal, data.problem)
         on = data.contact == number
         wanted[np.unique((data.table.others if other else data.table.facets)[on])] = np.eye(dim)[axis]
         jump[on] = (-1.0 if other else 1.0) * np.eye(dim)[axis]
-        return wanted, held, jump
+        return wanted, fixed, jump
     supports = stated_supports(data.problem)
     number = supports.names.index(goal.boundary) if goal.boundary in supports.names else -1
     own = np.where((supports.owner == number)[:, :, None], supports.directions, 0.0)
@@ -153,12 +153,12 @@ def _hindrance(goal: Goal, data: BodyData, axis: int, field: Array) -> str:
     should = np.zeros((len(outer), table.dim))
     if goal.kind is GoalKind.CONTACT_FORCE:
         here = data.contact[outer] == _contact(goal, data.problem)[0]
-        if np.abs(np.einsum("fij,j->fi", data.unknown[outer], unit)[here]).max(initial=0.0) > _NONE:
+        if np.abs(np.einsum("fij,j->fi", data.freed(outer), unit)[here]).max(initial=0.0) > _NONE:
             return f"a support constrains contact '{goal.boundary}' along {'xyz'[axis]}, where force of both is one"
     else:
         own = table.numbers(data.problem.mesh.boundaries[goal.boundary])
         should[np.isin(outer, own)] = unit
-    off = np.einsum("fij,faj->fai", data.unknown[outer], field[table.facets[outer]] - should[:, None])
+    off = np.einsum("fij,faj->fai", data.freed(outer), field[table.facets[outer]] - should[:, None])
     if np.abs(off).max(initial=0.0) > _NONE:
         return f"support '{goal.boundary}' meets another one, whose force at their common end has no bound"
     return ""

@@ -37,7 +37,6 @@ from hemivar.bounds.exact_distance import ExactDistance
 from hemivar.bounds.fenchel import exact_gap
 from hemivar.bounds.functionals import Functional, functionals, linear_forces, nodal_forces, strained, work
 from hemivar.bounds.goals import Goal
-from hemivar.bounds.sweeps import PatchSmoother
 from hemivar.bounds.touching_bodies import on_facets, refuse_touching
 from hemivar.bounds.trace_bounds import TraceBounds
 from hemivar.bounds.vertex_moments import shared_on_contact
@@ -100,7 +99,7 @@ class GoalValue:
 
     def lines(self) -> list[str]:
         """In lines of text: each component with its interval, and its estimate."""
-        found = []
+        lines = []
         for axis, label in enumerate(self.goal.labels):
             name = self.goal.name if len(self.goal.axes) == 1 else f"{self.goal.name}.{label}"
             kind = "guaranteed" if self.guaranteed else "an estimate, not a bound"
@@ -110,9 +109,9 @@ class GoalValue:
             else:
                 where = "within no known bounds"
             off = f"{self.corrected[axis]:.6g} +- {rounded_up(self.spread[axis], 2)}"
-            found.append(f"{name} = {self.computed[axis]:.6g}; that of the exact solution is {where}")
-            found.append(f"by dual weights about {off}: an estimate")
-        return found
+            lines.append(f"{name} = {self.computed[axis]:.6g}; that of the exact solution is {where}")
+            lines.append(f"by dual weights about {off}: an estimate")
+        return lines
 
     def record(self) -> dict[str, object]:
         """Plain numbers and strings for JSON; numbers that are not finite become null."""
@@ -132,8 +131,8 @@ class GoalValue:
 
 def _over(part: Array, whole: Array) -> float:
     size = float(np.linalg.norm(whole))
-    found = float(np.linalg.norm(part)) if np.isfinite(part).all() else math.inf
-    return found / size if size > 0.0 else (0.0 if found == 0.0 else math.inf)
+    norm = float(np.linalg.norm(part)) if np.isfinite(part).all() else math.inf
+    return norm / size if size > 0.0 else (0.0 if norm == 0.0 else math.inf)
 
 
 def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constants: TraceBounds) -> GoalValue:
@@ -197,9 +196,9 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
         spread.append(off)
         indicator += cells
     lower, upper = np.array(ends).T
-    told = tuple(dict.fromkeys(reasons))
+    doubts = tuple(dict.fromkeys(reasons))
     return GoalValue(
-        goal, np.array(computed), lower, upper, not told and bool(np.isfinite(lower).all()), told,
+        goal, np.array(computed), lower, upper, not doubts and bool(np.isfinite(lower).all()), doubts,
         np.array(corrected), np.array(spread), indicator,
     )  # fmt: skip
 
@@ -262,7 +261,7 @@ def _answering(data: BodyData, field: Array, tractions: Array, contact: IntArray
     """The data of a field without loads but tractions, on contact facets that are given."""
     moved = data.moved(field)
     loads, varying = np.zeros(data.loads.shape), VaryingLoads.none(data.varying.missed)
-    return replace(moved, loads=loads, facet_loads=tractions, varying=varying, contact=contact)
+    return replace(moved, loads=loads, outer_loads=tractions[data.table.outer], varying=varying, contact=contact)
 
 
 def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
@@ -271,7 +270,8 @@ def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
     if traces is not None:
         own = replace(traces, data=data)
         pressures = own.on_facets(-own.moments(own.interpolated(shared_on_contact(data))))
-    return Sweeps.usual(data.table.dim).lower(PatchSmoother(admissible_stress(data, pressures)))
+    sweeps = Sweeps.usual(data.table.dim)
+    return sweeps.lower(sweeps.sweeper(admissible_stress(data, pressures)))
 
 
 # ---- second order --------------------------------------------------------------------------------------------------

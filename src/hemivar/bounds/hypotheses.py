@@ -26,6 +26,7 @@ from hemivar.laws.parametrised import ParameterLaw
 from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem, Geometry, expect_body, refuse_areas
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.smooth_chains import STRAIGHT, chains, facet_angles
 
@@ -45,7 +46,7 @@ _HELD, _ROUNDING = 1e-8, 1e-15
 def body_shape(mesh: Mesh) -> str:
     """The body of a mesh in words, such as ``"a polygon with 11 straight sides"``: what a bound is one for."""
     facets = mesh.boundary_facets
-    pairs, angles = facet_angles(mesh, facets)
+    pairs, angles = facet_angles(boundary_rule(mesh, None))
     flat = pairs[angles <= STRAIGHT]
     graph = sp.coo_array((np.ones(len(flat)), flat.T), shape=2 * (len(facets),))
     count = sp.csgraph.connected_components(graph, directed=False)[0]
@@ -71,16 +72,16 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
             "the body is one of revolution: distances to the exact solution are bounded for plane and 3D bodies; "
             "compare with a finer mesh"
         )
-    found: list[str] = []
+    unmet: list[str] = []
     if displacement is not None and _well_formed(problem, displacement):
         check_supports(problem, displacement)
-        found += _passed_rollers(problem, displacement)
-    return found + law_doubts(problem)
+        unmet += _passed_rollers(problem, displacement)
+    return unmet + law_doubts(problem)
 
 
 def law_doubts(problem: ContactProblem) -> list[str]:
     """Laws whose parameters vary, and parts of the surface that look curved, one sentence each."""
-    found: list[str] = []
+    doubts: list[str] = []
     for name, contact in problem.contact.items():
         values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
         for what, value in values:
@@ -92,18 +93,18 @@ def law_doubts(problem: ContactProblem) -> list[str]:
                 )
         names = [what for what, value in values if callable(value)]
         if names:
-            found.append(
+            doubts.append(
                 f"the law of contact '{name}' varies along the boundary ({', '.join(names)}), where it is "
                 f"evaluated at quadrature points only"
             )
     if problem.geometry is Geometry.AS_MESHED:
-        return found
-    found += [
+        return doubts
+    doubts += [
         f"the boundary {words} looks curved: it turns by up to {angle:.3g} degrees from facet to facet; the bound is "
         "one for the body with straight facets"
         for words, angle in _curved(problem.mesh)
     ]
-    return found
+    return doubts
 
 
 def fixed_gaps(problem: ContactProblem) -> bool:
@@ -117,22 +118,23 @@ def inexact_data(data: BodyData, formulas: bool = False) -> list[str]:
     Gaps that are ``formulas`` may be known between the points, too.
     """
     problem = data.problem
-    found = data.varying.doubts
+    doubts = data.varying.doubts
     if not problem.material.bounds_by.proved:
-        found.append("the lower bound of the stiffness of the material is sampled")
+        doubts.append("the lower bound of the stiffness of the material is sampled")
     if data.varies:
-        found.append("the material varies within cells, where it is evaluated by a quadrature rule")
+        doubts.append("the material varies within cells, where it is evaluated by a quadrature rule")
     elif not problem.material.uniform:
-        found.append("the material is a function of the place, which is evaluated at quadrature points")
-    held = [getattr(support, part, None) for support in problem.supports.values() for part in ("value", "x", "y", "z")]
-    if any(callable(value) for value in held):
-        found.append("prescribed displacements are functions, which the mesh interpolates")
+        doubts.append("the material is a function of the place, which is evaluated at quadrature points")
+    parts = ("value", "x", "y", "z")
+    prescribed = [getattr(support, part, None) for support in problem.supports.values() for part in parts]
+    if any(callable(value) for value in prescribed):
+        doubts.append("prescribed displacements are functions, which the mesh interpolates")
     for name, contact in problem.contact.items():
         if why := unknown_gap(data, name, contact, formulas):
-            found.append(why)
+            doubts.append(why)
         if callable(contact.belt):
-            found.append(f"the belt of contact '{name}' varies, and is evaluated by a quadrature rule")
-    return found
+            doubts.append(f"the belt of contact '{name}' varies, and is evaluated by a quadrature rule")
+    return doubts
 
 
 def stated_conditions(data: BodyData, traces: ContactTraces | None) -> tuple[list[str], list[str]]:
@@ -174,9 +176,9 @@ def check_supports(problem: ContactProblem, displacement: Array) -> Array:
     off = np.abs(missed).max(axis=1)
     worst, size = int(np.argmax(off)), max(float(np.abs(u).max()), float(np.abs(supports.value).max()))
     if off[worst] > _HELD * size:
-        place = ", ".join(f"{x:g}" for x in supports.nodes[worst])
+        x = ", ".join(f"{part:g}" for part in supports.nodes[worst])
         raise ProblemError(
-            f"the displacement differs from the prescribed one by {off[worst]:.3g} at node {worst}, x = ({place}); "
+            f"the displacement differs from the prescribed one by {off[worst]:.3g} at node {worst}, x = ({x}); "
             "give that of a solution of this problem, on this mesh"
         )
     if off[worst] <= _ROUNDING * size:
@@ -191,9 +193,8 @@ def _passed_rollers(problem: ContactProblem, displacement: Array) -> Iterator[st
     for name, support in problem.supports.items():
         if not isinstance(support, Roller):
             continue
-        facets = mesh.boundaries[name]
-        normals, _ = mesh.facet_normals(facets)
-        off = float(np.abs(np.einsum("fad,fd->fa", u[mesh.facet_nodes(facets, problem.order)], normals)).max())
+        rule = boundary_rule(mesh, name, problem.order)
+        off = float(np.abs(np.einsum("fad,fd->fa", u[rule.nodes], rule.normals)).max())
         if off > _HELD * size:
             yield (
                 f"the roller '{name}' bends, and holds the nodes there along the mean of the normals: the displacement "
@@ -222,14 +223,14 @@ def _curved(mesh: Mesh) -> Iterator[tuple[str, float]]:
     The surface is asked, whatever its parts are called: chains of facets that follow each other smoothly.
     """
     facets = mesh.boundary_facets
-    found: dict[str, float] = {}
-    of = chains(mesh, facets)
+    angles: dict[str, float] = {}
+    of = chains(boundary_rule(mesh, None))
     turning, number = of.turning, of.chain[of.pairs[:, 0]]
     for one in np.unique(of.chain[of.curved]):
         words = _called(mesh, facets[of.chain == one])
         steepest = float(of.angle[turning & (number == one)].max())
-        found[words] = max(found.get(words, 0.0), steepest)
-    yield from ((words, float(np.degrees(steepest))) for words, steepest in found.items())
+        angles[words] = max(angles.get(words, 0.0), steepest)
+    yield from ((words, float(np.degrees(steepest))) for words, steepest in angles.items())
 
 
 def _called(mesh: Mesh, facets: IntArray) -> str:

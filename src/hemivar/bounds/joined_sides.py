@@ -32,10 +32,10 @@ def joined_sides(problem: ContactProblem) -> tuple[IntArray, IntArray] | None:
         return None
     mesh, joined = problem.mesh, []
     for slave, master in pairs:
-        found = _nodes_at_one_place(mesh, mesh.boundaries[slave], mesh.boundaries[master])
-        if found is None:
+        nodes = _nodes_at_one_place(mesh, mesh.boundaries[slave], mesh.boundaries[master])
+        if nodes is None:
             return None
-        joined.append(found)
+        joined.append(nodes)
     ends, count = np.concatenate(joined), mesh.number_of_nodes
     graph = sp.coo_array((np.ones(len(ends)), ends.T), shape=(count, count))
     places = sp.csgraph.connected_components(graph, directed=False)[1]

@@ -71,21 +71,21 @@ class LoadValues:
 
     def moments(self, count: int, order: int) -> Array:
         """Integrals (n, l, d) against the shape functions of n simplices."""
-        found = None
+        moments = None
         for part in self.parts():
             shapes = shape_values(order, self.points(part))
             weights = self.measures[part, None] * self.rule[1]
             own = np.einsum("kq,kql,kqd->kld", weights, shapes, self.values[part], optimize=True)
-            found = np.zeros((count, *own.shape[1:])) if found is None else found
-            np.add.at(found, self.owner[part], own)
-        assert found is not None
-        return found
+            moments = np.zeros((count, *own.shape[1:])) if moments is None else moments
+            np.add.at(moments, self.owner[part], own)
+        assert moments is not None
+        return moments
 
     def unknown(self, count: int) -> Array:
         """By how much the integrals against the barycentric coordinates may be off, shape (n, p + 1)."""
-        found = np.zeros((count, self.corners.shape[2]))
-        np.add.at(found, self.owner, (self.off * self.measures)[:, None] * self.corners.mean(axis=1))
-        return found
+        unknown = np.zeros((count, self.corners.shape[2]))
+        np.add.at(unknown, self.owner, (self.off * self.measures)[:, None] * self.corners.mean(axis=1))
+        return unknown
 
     def linear(self, measures: Array) -> Array:
         """Bounds (n,) of the size in L2 of the linear part of what is unknown, for simplices of these measures."""
@@ -106,9 +106,9 @@ def load_values(value: object, corners: Array, measures: Array, what: str, norma
     entries, time = _entries(value)
     doubt = _FUNCTION
     if entries is not None:
-        found = _known(entries, time, corners, measures, normals)
-        if found is not None:
-            return found
+        known = _known(entries, time, corners, measures, normals)
+        if known is not None:
+            return known
         doubt = _UNBOUNDED
     cells = corners.shape[1] > corners.shape[2]
     n, p, dim = len(corners), corners.shape[1] - 1, corners.shape[2]
@@ -180,11 +180,11 @@ def _known(
     inside = _INSIDE * (measures.mean() ** (1.0 / p) / diameter)
 
     def expanded(owner: IntArray, piece: IntArray, at: Array) -> _Parts:
-        found = []
+        parts = []
         for start in range(0, len(owner), _CHUNK):
             part = slice(start, start + _CHUNK)
-            found.append(_expanded(entries, time, np.einsum("kab,kbd->kad", at[part], corners[owner[part]])))
-        value, slope, bend, off = (np.concatenate(one) for one in zip(*found, strict=True))
+            parts.append(_expanded(entries, time, np.einsum("kab,kbd->kad", at[part], corners[owner[part]])))
+        value, slope, bend, off = (np.concatenate(one) for one in zip(*parts, strict=True))
         share = np.abs(np.linalg.det(at))
         return _Parts(owner, piece, at, share * measures[owner], value, slope, bend, off)
 
@@ -211,9 +211,9 @@ def _expanded(
         if not isinstance(entry, Formula):
             value[:, c] = entry
             continue
-        found = entry.expansion(corners, time)
-        value[:, c], slope[:, c], bend[:, c] = found.value, found.slope, found.bend
-        square += found.off**2
+        polynomial = entry.expansion(corners, time)
+        value[:, c], slope[:, c], bend[:, c] = polynomial.value, polynomial.slope, polynomial.bend
+        square += polynomial.off**2
     return value, slope, bend, np.sqrt(square)
 
 
@@ -278,14 +278,14 @@ def _at_points(parts: _Parts, normals: Array | None) -> LoadValues:
     point, _ = _rule(p)
     whole = parts.piece < 0
     cut = parts.take(~whole)
-    found = [(cut.owner, cut.piece, cut.corners, cut.measures, cut.at(point), cut.off)]
+    pieces = [(cut.owner, cut.piece, cut.corners, cut.measures, cut.at(point), cut.off)]
     rest = parts.take(whole)
     for i in range(p + 1) if whole.any() else ():
         own = _piece(p, i)
         at = np.broadcast_to(own, rest.corners.shape)
         values = rest.at(point @ own)
-        found.append((rest.owner, np.full(len(at), i), at, rest.measures / (p + 1), values, rest.off))
-    owner, piece, at, measures, values, off = (np.concatenate(one) for one in zip(*found, strict=True))
+        pieces.append((rest.owner, np.full(len(at), i), at, rest.measures / (p + 1), values, rest.off))
+    owner, piece, at, measures, values, off = (np.concatenate(one) for one in zip(*pieces, strict=True))
     if normals is not None:
         values = -values * normals[owner][:, None]
     return LoadValues(owner, piece, at, measures, values, off, "")

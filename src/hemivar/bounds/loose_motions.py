@@ -79,7 +79,7 @@ def _tells(law: Superpotential) -> bool:
 def _planes(traces: ContactTraces) -> Array:
     """One number for all facets (k,) of a part, or of two that touch, in a plane with one contact normal."""
     table, normals = traces.data.table, traces.frames[:, 0, 0]
-    own, owners = table.normals[traces.facets], table.owners[traces.facets]
+    own, owners = table.normals_of(traces.facets), table.owners[traces.facets]
     points = table.mesh.points
     at = np.einsum("kd,kd->k", own, points[table.facets[traces.facets, 0]] - points.mean(axis=0))
     parts = np.where(owners >= 0, table.mesh.parts.cell[owners], -1)
@@ -109,8 +109,8 @@ def _plain(columns: Array) -> Array:
     if not len(rows):
         return np.asarray(rows.T)
     ones = np.sort(la.qr(rows, mode="r", pivoting=True)[1][: len(rows)])
-    found = np.linalg.solve(rows[:, ones], rows).T
-    return np.asarray(np.where(np.abs(found) > _ROUNDING, found, 0.0))
+    basis = np.linalg.solve(rows[:, ones], rows).T
+    return np.asarray(np.where(np.abs(basis) > _ROUNDING, basis, 0.0))
 
 
 def _balances(along: Array, traces: ContactTraces, moves: Array, resisted: Array, works: Array, size: float) -> bool:
@@ -121,8 +121,8 @@ def _balances(along: Array, traces: ContactTraces, moves: Array, resisted: Array
     slips = moves[:, :, 1:] @ along
     still = along @ _vanishing(slips[resisted > 0.0].reshape(-1, along.shape[1]), float(np.abs(moves).max()))
     tried = np.column_stack([along, along @ (along.T @ works), still @ (still.T @ works)])
-    found = np.linalg.norm(moves[:, :, 1:] @ tried, axis=2)
+    sizes = np.linalg.norm(moves[:, :, 1:] @ tried, axis=2)
     with np.errstate(invalid="ignore"):
-        most = np.where(found > 0.0, resisted[:, :, None] * found, 0.0).max(axis=1)
+        most = np.where(sizes > 0.0, resisted[:, :, None] * sizes, 0.0).max(axis=1)
     friction = traces.weights.sum(axis=1) @ most
     return bool((np.abs(works @ tried) <= friction + _ROUNDING * size * np.linalg.norm(tried, axis=0)).all())

@@ -74,9 +74,9 @@ class SoftModes:
         count, size = int(np.prod(shape)), len(table.mesh.points) * dim
         seen: sp.csr_array = sp.csr_array((count, size))
         for nodes, sign in ((table.facets, 1.0), (table.others, -1.0)):
-            place = (nodes[traces.facets][:, :, None] * dim + np.arange(dim)).ravel()
+            columns = (nodes[traces.facets][:, :, None] * dim + np.arange(dim)).ravel()
             there = np.repeat((sign > 0.0) | table.cut[traces.facets], shape[1])
-            seen = seen + sp.csr_array((np.where(there, sign, 0.0), (np.arange(count), place)), shape=(count, size))
+            seen = seen + sp.csr_array((np.where(there, sign, 0.0), (np.arange(count), columns)), shape=(count, size))
         start = np.arange(shape[0] + 1)
         of_facets = sp.bsr_array((blocks.reshape(-1, shape[1], shape[1]), start[:-1], start), shape=(count, count))
         seen = sp.csr_array(seen @ basis)
@@ -94,7 +94,7 @@ class SoftModes:
         at = field[table.cells]
         strain = np.einsum("mai,maj->mij", at, table.gradients)
         work = float(np.einsum("mai,mai->", data.loads, at))
-        work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
+        work += float(np.einsum("fai,fai->", data.outer_loads, field[table.facets[table.outer]]))
         work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
         work -= float(np.einsum("fai,fai->", traces.moments(zeta), data.jump(field, traces.facets)))
         return abs(work) + float(data.varying.unknown @ np.linalg.norm(field, axis=1))

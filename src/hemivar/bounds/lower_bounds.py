@@ -218,8 +218,8 @@ class TraceFlexibility:
         for k in range(1, min(len(above), len(values) + 1)):
             A2 = _answers(T[:k, :k], P[:k, :k], R[:k, :k], R2[:k, :k], values[:k], kappa)
             sharp.append(_lehmann(A0[:k, :k], A1[:k, :k], A2, 1.0 / above[k]))
-        upper = max(min([float(above[0]), *(found[0] for found in sharp)]), float(values[0]))
-        second = min([float(above[min(1, len(above) - 1)]), *(found[1] for found in sharp)])
+        upper = max(min([float(above[0]), *(pair[0] for pair in sharp)]), float(values[0]))
+        second = min([float(above[min(1, len(above) - 1)]), *(pair[1] for pair in sharp)])
         lower, simple = float(values[0]), float(above[0])
         return TraceRange(scale * lower, scale * upper, scale * simple, scale * second)
 
@@ -227,8 +227,8 @@ class TraceFlexibility:
         """Largest values of the flexibility under weighted loads, not below the exact ones, and their loads."""
         if self._answers is not None and len(root) <= _DIRECT:
             n = len(root)
-            found = la.eigh(root[:, None] * self._answers * root, subset_by_index=[n - count, n - 1])
-            return np.asarray(found[0][::-1]), np.asarray(found[1][:, ::-1])
+            pairs = la.eigh(root[:, None] * self._answers * root, subset_by_index=[n - count, n - 1])
+            return np.asarray(pairs[0][::-1]), np.asarray(pairs[1][:, ::-1])
 
         def times(x: Array) -> Array:
             return root * self.flexibility(root * x.ravel())
@@ -258,7 +258,7 @@ class JumpSides:
         """Bounds of c for weights as those of :meth:`TraceFlexibility.bound`, the same on both sides of a contact."""
         if not self.jumps:
             return flexibility.bound(normal, tangential)
-        found = [
+        ranges = [
             flexibility.bound(*(np.where(self.part == part, weight, 0.0) for weight in (normal, tangential)))
             for part in range(int(self.part.max()) + 1)
         ]
@@ -266,9 +266,9 @@ class JumpSides:
         def total(values: list[float]) -> float:
             return float(max(sum(max(values[b] for b in side) for side in sides) for sides in self.contacts))
 
-        upper, simple = total([one.upper for one in found]), total([one.simple for one in found])
+        upper, simple = total([one.upper for one in ranges]), total([one.simple for one in ranges])
         both = any(len(sides) > 1 and np.isin(sides[0], sides[1]).any() for sides in self.contacts)
-        return TraceRange(0.0 if both else max(one.lower for one in found), upper, simple, upper)
+        return TraceRange(0.0 if both else max(one.lower for one in ranges), upper, simple, upper)
 
 
 def quadratic_blocks(mesh: Mesh, stiffness: Array) -> Array:
@@ -423,11 +423,11 @@ class LowerBounds:
         """
         if self.whole:
             normal = tangential = np.maximum(normal, tangential)
-        found = []
+        ranges = []
         for one in self.flexible:
             with suppress(la.LinAlgError, RuntimeError):  # what is known without weights counts all the same
-                found.append(one.weighted(corners, normal, tangential))
-        return min((one.upper for one in found), default=np.inf), min((one.second for one in found), default=np.inf)
+                ranges.append(one.weighted(corners, normal, tangential))
+        return min((one.upper for one in ranges), default=np.inf), min((one.second for one in ranges), default=np.inf)
 
 
 def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: Workspace | None = None) -> LowerBounds:
@@ -471,7 +471,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     pieces = int(table.mesh.parts.cell.max()) + 1 if any(len(side) > 1 for side in sides) else 1
     most = pieces * _CELLS[bare.mesh.dim] if cells is None else cells
     if workspace is None:
-        return _found(bare, most, sides)
+        return _sharpest(bare, most, sides)
     touching = np.sort(np.concatenate([table.numbers(bare.mesh.boundaries[name]) for name in bare.contact]))
     tensors, groups = cell_tensors(bare)
     kind = np.array([most, not has_constant_normals(bare)])
@@ -480,34 +480,34 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     sizes = np.array([len(side) for side in sides] + [len(one) for one in apart])
     body = (bare.mesh.points, bare.mesh.cells, tensors, groups, held, touching, normals, kind)
     parts = (*body, sizes, np.concatenate(apart))
-    return workspace.once("lower bounds of trace constants", parts, lambda: _found(bare, most, sides, workspace))
+    return workspace.once("lower bounds of trace constants", parts, lambda: _sharpest(bare, most, sides, workspace))
 
 
-def _found(bare: ContactProblem, cells: int, names: Sides, kept: Workspace | None = None) -> LowerBounds:
+def _sharpest(bare: ContactProblem, cells: int, names: Sides, kept: Workspace | None = None) -> LowerBounds:
     """The best of the mesh itself and of parts of the body, one after another until one is sharp enough."""
     dim, own = bare.mesh.dim, bare.mesh.number_of_cells
-    found = _on(bare, cells, names) if own <= _FIRST[dim] else None
-    if found is not None and found.sharpness >= _SHARP[dim]:
-        return found
+    best = _on(bare, cells, names) if own <= _FIRST[dim] else None
+    if best is not None and best.sharpness >= _SHARP[dim]:
+        return best
     for part, whole in _parts_of(bare, kept):
         if part.mesh.number_of_cells <= _MOST[dim]:
-            found = _bettered(found, partial(_on, part, cells, names, whole))
-            if found.sharpness >= _SHARP[dim]:
-                return found
-    if _FIRST[dim] < own <= _MOST[dim] and (found is None or found.sharpness < _enough(dim, own)):
-        found = _bettered(found, partial(_on, bare, cells, names))
-    if found is None:
+            best = _bettered(best, partial(_on, part, cells, names, whole))
+            if best.sharpness >= _SHARP[dim]:
+                return best
+    if _FIRST[dim] < own <= _MOST[dim] and (best is None or best.sharpness < _enough(dim, own)):
+        best = _bettered(best, partial(_on, bare, cells, names))
+    if best is None:
         raise ProblemError(too_many_cells(own, part.mesh.number_of_cells, _MOST[dim]))
-    return found
+    return best
 
 
-def _bettered(found: LowerBounds | None, make: Callable[[], LowerBounds]) -> LowerBounds:
+def _bettered(best: LowerBounds | None, make: Callable[[], LowerBounds]) -> LowerBounds:
     """The best of what is in hand and of others, which need not come about."""
-    if found is None:
+    if best is None:
         return make()
     with suppress(la.LinAlgError, RuntimeError, MemoryError):
-        return found.or_better(make())
-    return found
+        return best.or_better(make())
+    return best
 
 
 def _enough(dim: int, cells: int) -> float:
@@ -549,13 +549,13 @@ def _of_few(bare: ContactProblem, some: ContactProblem) -> list[tuple[ContactPro
     """
     dim, cells = some.mesh.dim, some.mesh.number_of_cells
     again = bare if cells < PART[dim] // 2 and bare.mesh.number_of_cells <= _AGAIN else some
-    found: dict[float, tuple[ContactProblem, bool]] = {}
+    parts: dict[float, tuple[ContactProblem, bool]] = {}
     for seed in range(_SEEDS):
         part = part_of_body(again if seed else some, 0, LOSS, seed)
-        found.setdefault(round(_least_shape(part[0]), _DIGITS), part)
-        if max(found) >= _GOOD[dim] or part[0].mesh.number_of_cells == again.mesh.number_of_cells:
+        parts.setdefault(round(_least_shape(part[0]), _DIGITS), part)
+        if max(parts) >= _GOOD[dim] or part[0].mesh.number_of_cells == again.mesh.number_of_cells:
             break
-    return [found[shape] for shape in sorted(found, reverse=True)[:2]]
+    return [parts[shape] for shape in sorted(parts, reverse=True)[:2]]
 
 
 def _on(body: ContactProblem, cells: int, names: Sides, whole: bool = True) -> LowerBounds:
@@ -588,10 +588,11 @@ def _jump_sides(problem: ContactProblem, names: Sides) -> JumpSides:
     return JumpSides(of(loaded), every)
 
 
-def _inverse(found: TraceRange) -> LowerBound:
-    if found.upper == 0.0:
+def _inverse(flexibility: TraceRange) -> LowerBound:
+    if flexibility.upper == 0.0:
         return LowerBound(math.inf, math.inf, math.inf)  # supports hold this part everywhere
-    return LowerBound(1.0 / found.upper, 1.0 / found.lower if found.lower > 0.0 else math.inf, 1.0 / found.simple)
+    estimate = 1.0 / flexibility.lower if flexibility.lower > 0.0 else math.inf
+    return LowerBound(1.0 / flexibility.upper, estimate, 1.0 / flexibility.simple)
 
 
 def _is_held(table: FacetTable, held: Array) -> bool:
@@ -642,6 +643,8 @@ def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
 
 def _ends(problem: ContactProblem, mesh: Mesh) -> IntArray:
     """Nodes where a support ends."""
-    held = np.unique(np.concatenate([np.sort(mesh.boundaries[name], axis=1) for name in problem.supports]), axis=0)
-    every, counts = np.unique(np.concatenate([np.sort(mesh.boundary_facets, axis=1), held]), axis=0, return_counts=True)
-    return np.intersect1d(held, every[counts == 1])
+    facets = np.concatenate([mesh.boundaries[name] for name in problem.supports])
+    supported = np.unique(np.sort(facets, axis=1), axis=0)
+    outer = np.concatenate([np.sort(mesh.boundary_facets, axis=1), supported])
+    every, counts = np.unique(outer, axis=0, return_counts=True)
+    return np.intersect1d(supported, every[counts == 1])

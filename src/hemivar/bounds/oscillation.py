@@ -153,7 +153,7 @@ def _divergence(stress: AdmissibleStress) -> Array:
     data, table = stress.data, stress.data.table
     dim = table.dim
     corners = table.mesh.points[table.cells]
-    found = np.zeros((len(corners), dim + 1, dim + 1, dim))
+    divergence = np.zeros((len(corners), dim + 1, dim + 1, dim))
     for piece in range(dim + 1):
         own = corners.copy()
         own[:, piece] = corners.mean(axis=1)
@@ -163,7 +163,7 @@ def _divergence(stress: AdmissibleStress) -> Array:
             slopes = np.einsum("ab,mbd->mad", shape_derivatives(data.order, point), gradients)
             for component, (i, j) in enumerate(pairs_of(dim)):
                 slope = np.einsum("ma,mad->md", stress.stresses[:, piece, :, component], slopes)
-                found[:, piece, corner, i] += slope[:, j]
+                divergence[:, piece, corner, i] += slope[:, j]
                 if i != j:
-                    found[:, piece, corner, j] += slope[:, i]
-    return found
+                    divergence[:, piece, corner, j] += slope[:, i]
+    return divergence

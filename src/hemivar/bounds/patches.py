@@ -68,11 +68,11 @@ class Batch:
     facets: IntArray  # (k, f)
     cells: IntArray  # (k, c)
     #: Where each facet of each cell stands among the facets of the patch; f where it is none of them.
-    place: IntArray  # (k, c, d + 1)
+    local: IntArray  # (k, c, d + 1)
 
     def take(self, chosen: BoolArray | IntArray | slice) -> Batch:
         """Some of the patches."""
-        return Batch(self.facets[chosen], self.cells[chosen], self.place[chosen])
+        return Batch(self.facets[chosen], self.cells[chosen], self.local[chosen])
 
 
 def coloured(of_cells: IntArray, count: int, seed: int = 0, first: IntArray | None = None) -> IntArray:
@@ -147,9 +147,9 @@ def patch_batches(
 
     keys = patch * len(table.facets) + facet
     wanted = patch_of[:, None] * len(table.facets) + table.cell_facets[cell_of]
-    found = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
-    inside = keys[found] == wanted if len(keys) else np.zeros(wanted.shape, dtype=bool)
-    place = np.where(inside, found - first_facet[patch_of][:, None], facets_of[patch_of][:, None])
+    position = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
+    inside = keys[position] == wanted if len(keys) else np.zeros(wanted.shape, dtype=bool)
+    local = np.where(inside, position - first_facet[patch_of][:, None], facets_of[patch_of][:, None])
 
     colour = coloured(np.where(facets_of[of_cells] > 0, of_cells, -1), count, first=first)
     batches = []
@@ -158,7 +158,7 @@ def patch_batches(
     for number, (_, f, c) in enumerate(kinds):
         of = live[group.ravel() == number]
         at = first_cell[of][:, None] + np.arange(c)
-        batches.append(Batch(facet[first_facet[of][:, None] + np.arange(f)], cell_of[at], place[at]))
+        batches.append(Batch(facet[first_facet[of][:, None] + np.arange(f)], cell_of[at], local[at]))
     return batches
 
 
@@ -378,7 +378,7 @@ def _circuits(ends: IntArray, usable: BoolArray, cells: int) -> tuple[Array, Arr
     count, facets = usable.shape
     every = np.arange(count)
     label = np.tile(np.arange(cells + 1), (count, 1))
-    path, found = np.zeros((count, cells + 1, facets)), np.zeros((count, facets, facets))
+    path, steps = np.zeros((count, cells + 1, facets)), np.zeros((count, facets, facets))
     closed = np.zeros((count, facets), dtype=bool)
     for j in range(facets):
         one, two = ends[:, j].T
@@ -386,14 +386,14 @@ def _circuits(ends: IntArray, usable: BoolArray, cells: int) -> tuple[Array, Arr
         step = path[every, two] - path[every, one]  # from two to the roots, and back to one
         step[:, j] += 1.0
         closed[:, j] = usable[:, j] & (first == second)
-        found[:, j] = step
+        steps[:, j] = step
         joins = usable[:, j] & (first != second)
         moved = (label == second[:, None]) & joins[:, None]
         path -= moved[:, :, None] * step[:, None]
         label = np.where(moved, first[:, None], label)
     width = int(closed.sum(axis=1).max(initial=0))
     order = np.argsort(~closed, axis=1, kind="stable")[:, :width]
-    circuits = np.take_along_axis(found * closed[:, :, None], order[:, :, None], axis=1)
+    circuits = np.take_along_axis(steps * closed[:, :, None], order[:, :, None], axis=1)
     return circuits, path, label
 
 
@@ -422,12 +422,12 @@ def _partly(fields: PatchFields, ends: IntArray, path: Array, label: IntArray, f
 
     root = label[every, ends[every, facet, 0]]
     outside = label[:, -1:]
-    way = path[every, ends[every, facet, 0]]
-    way = way - (root == outside)[:, :, None] * path[:, -1:]  # on from the root
+    route = path[every, ends[every, facet, 0]]
+    route = route - (root == outside)[:, :, None] * path[:, -1:]  # on from the root
     carried = resultants * np.where(np.arange(modes) < dim, 1.0, reach[:, None, None, None])
     through = flow_fields(fields.nodes.reshape(-1, places, dim)).reshape(count, facets, modes, places, dim)
     moments = moments.reshape(count, slots, places * dim, facets, places, dim)
-    moments -= np.einsum("ksf,ksnm,kfmad->ksnfad", way, carried, through, optimize=True)
+    moments -= np.einsum("ksf,ksnm,kfmad->ksnfad", route, carried, through, optimize=True)
 
     width = slots * places * dim
     tree = (root[:, :, None] == np.arange(cells + 1)) & (root[:, :, None] != outside[:, :, None])

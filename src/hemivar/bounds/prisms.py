@@ -172,10 +172,10 @@ def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Arr
     flat = np.linalg.cholesky(gram).transpose(0, 2, 1)
     off = np.sum((flat[:, None, None] @ known) ** 2, axis=(3, 4)) / area[:, None, None]
     off = np.round(off, _DIGITS)  # of triangles that are alike the first is taken, not what rounding says
-    way = np.argmin(off, axis=2)
+    shift = np.argmin(off, axis=2)
     nearest = np.argsort(off.min(axis=2), axis=1, kind="stable")[:, :_NEAR]
     count = nearest.shape[1]
-    chosen = known[nearest, np.take_along_axis(way, nearest, axis=1)]
+    chosen = known[nearest, np.take_along_axis(shift, nearest, axis=1)]
     change: Array = np.empty((len(corners), count, 3, 3))
     change[:, :, :, :2] = edges[:, None] @ chosen
     change[:, :, :, 2] = (inward / np.array(KINDS)[kind, 1:])[:, None]
@@ -184,8 +184,8 @@ def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Arr
     pulled = pulled_back(np.repeat(full, count, axis=0), change, np.abs(np.linalg.det(change)))
     worst = np.linalg.eigvalsh(roots.transpose(0, 2, 1) @ pulled[:, None] @ roots)[..., -1]
     shrunk = np.linalg.svd(change, compute_uv=False)[:, -1] ** -2
-    found = (shrunk[:, None] * worst).reshape(len(corners), count, len(RATIOS))
-    return np.asarray(area * (found * np.array(SQUARES)[kind[:, None], nearest]).min(axis=(1, 2)))
+    squares = (shrunk[:, None] * worst).reshape(len(corners), count, len(RATIOS))
+    return np.asarray(area * (squares * np.array(SQUARES)[kind[:, None], nearest]).min(axis=(1, 2)))
 
 
 @cache
@@ -262,14 +262,14 @@ def room(table: FacetTable, facets: IntArray, walls: IntArray, kinds: tuple[int,
     """
     corners = table.mesh.points[table.facets[facets]]
     barrier = Solids.simplices(table.mesh.points[table.facets[walls]])
-    up = -np.sqrt(2.0 * table.measures[facets])[:, None] * table.normals[facets]
-    found = np.full(len(facets), -1)
+    up = -np.sqrt(2.0 * table.measures[facets])[:, None] * table.normals_of(facets)
+    first = np.full(len(facets), -1)
     for kind in kinds:
-        waiting, (top, height) = np.flatnonzero(found < 0), KINDS[kind]
+        waiting, (top, height) = np.flatnonzero(first < 0), KINDS[kind]
         tried = prisms(corners[waiting], height * up[waiting], top)
         blocked, _ = tried.meeting(barrier, tolerance(table.mesh.points))
-        found[np.delete(waiting, np.unique(blocked))] = kind
-    return found
+        first[np.delete(waiting, np.unique(blocked))] = kind
+    return first
 
 
 def tolerance(points: Array) -> float:

@@ -101,9 +101,9 @@ class _Means:
         for name in problem.supports:
             held[table.numbers(problem.mesh.boundaries[name])] = True
         coefficient = np.broadcast_to(matrices[:, 0], (len(table.cells), *matrices.shape[2:]))
-        found = cls(table, coefficient, held)
-        found._refuse_loose()
-        return found
+        means = cls(table, coefficient, held)
+        means._refuse_loose()
+        return means
 
     def _refuse_loose(self) -> None:
         parts = self.table.mesh.parts
@@ -253,8 +253,8 @@ def _shares(law: VectorLaw, r: Array) -> tuple[Array, Array]:
     triangle the measure of what is near t rises linearly up to the corner in the middle, and falls linearly from there.
     """
     first, last = r[:, 0], r[:, -1]
-    found = law.kinks_along(first, last, np.zeros(first.shape))
-    cuts = [np.zeros((len(r), 1)), np.where((found > 0.0) & (found < 1.0), found, 0.0), np.ones((len(r), 1))]
+    kinks = law.kinks_along(first, last, np.zeros(first.shape))
+    cuts = [np.zeros((len(r), 1)), np.where((kinks > 0.0) & (kinks < 1.0), kinks, 0.0), np.ones((len(r), 1))]
     whole = (last - first).sum(axis=1)
     middle = (r[:, 1] - first).sum(axis=1) / np.where(whole > 0.0, whole, 1.0)
     if r.shape[1] == 3:
@@ -389,12 +389,12 @@ class _Distance:
         problem, seen = self.problem, "is a function, which is evaluated by a quadrature rule"
         named: dict[str, object] = {"source": problem.body_force, "bedding": problem.bedding}
         named |= {f"flux on '{name}'": value for name, value in problem.tractions.items()}
-        found = [f"the {what} {seen}" for what, value in named.items() if callable(value)]
+        varying = [f"the {what} {seen}" for what, value in named.items() if callable(value)]
         if any(callable(value) for value in problem.supports.values()):
-            found.append("prescribed values are functions, which the mesh interpolates")
+            varying.append("prescribed values are functions, which the mesh interpolates")
         if not problem.material.uniform:
-            found.append(f"the {problem.material.scalar.constant} {seen}")  # type: ignore[union-attr]
-        return found
+            varying.append(f"the {problem.material.scalar.constant} {seen}")  # type: ignore[union-attr]
+        return varying
 
     @cached_property
     def cell_rule(self) -> _Rule:
@@ -470,22 +470,22 @@ class _Distance:
             power = 2 if name in self.problem.areas else 1
             weight = self.means.least[cell] / self.means.diameter[cell] ** power * float(paying)
             at = self.problem.mesh.points[members]
-            found = _acting(contact, name, self.u[members], _known(nodal[members]), at, weight)
-            self.sums.gaps.append(float(sizes @ found.gap))
-            self.sums.reasons.extend(found.doubts)
-            self.sums.conditions.extend(found.conditions)
+            acting = _acting(contact, name, self.u[members], _known(nodal[members]), at, weight)
+            self.sums.gaps.append(float(sizes @ acting.gap))
+            self.sums.reasons.extend(acting.doubts)
+            self.sums.conditions.extend(acting.conditions)
             if name in self.problem.areas:
                 cells = self.problem.areas[name]
-                mean[cells], off[cells] = mean[cells] + found.mean, off[cells] + found.off
-                self.sums.alpha_cells[cells] += found.alpha
+                mean[cells], off[cells] = mean[cells] + acting.mean, off[cells] + acting.off
+                self.sums.alpha_cells[cells] += acting.alpha
             else:
                 facets = self._facets(name)
-                self.sums.alpha_facets[facets] = found.alpha
-                part = self._add(facets, -found.mean, found.off)
+                self.sums.alpha_facets[facets] = acting.alpha
+                part = self._add(facets, -acting.mean, acting.off)
                 np.add(self.sums.at_contact, part, out=self.sums.at_contact)
         return mean, off
 
-    def found(self) -> DistanceToExact:
+    def better(self) -> DistanceToExact:
         """The bound, or an estimate: the better of two."""
         first, second = self._with(paying=False), self._with(paying=True)
         return second if second.bound < first.bound else first
@@ -558,11 +558,11 @@ def scalar_distance(problem: ContactProblem, values: Array) -> DistanceToExact:
         raise ProblemError("heat that crosses from body to body has no bound of the distance; leave the bound out")
     if problem.areas and problem.mesh.dim == 3:
         raise ProblemError("contact over a region in 3D has no bound of the distance; leave the bound out")
-    held = check_supports(problem, values)
-    correction = 0.0 if held is values else _Distance(problem, held - values).size
-    found = _Distance(problem, held, correction).found()
-    object.__setattr__(found, "seconds", time.perf_counter() - began)
-    return found
+    fixed = check_supports(problem, values)
+    correction = 0.0 if fixed is values else _Distance(problem, fixed - values).size
+    distance = _Distance(problem, fixed, correction).better()
+    object.__setattr__(distance, "seconds", time.perf_counter() - began)
+    return distance
 
 
 def scalar_trace_bound(problem: ContactProblem) -> float:

@@ -90,21 +90,20 @@ def pulled_back(compliance: Array, jacobian: Array, size: Array) -> Array:
     return out
 
 
-def upper_pulled_back(compliance: Array, points: Array, cells: IntArray, jacobian: Array, size: Array) -> Array:
-    """Upper triangles (M, v (v + 1) / 2) of :func:`pulled_back`, row after row.
+def upper_pulled_back(compliance: Array, points: Array, cells: IntArray, size: Array) -> Array | None:
+    """Upper triangles (M, v (v + 1) / 2) of :func:`pulled_back`, row after row; None without kernels.
 
-    ``compliance`` is (M or 1, v, v); ``points`` is (N, d); ``cells`` is (M, d + 1), whose Jacobians are (M, d, d).
+    ``compliance`` is (M or 1, v, v); ``points`` is (N, d); ``cells`` is (M, d + 1).
     """
     library, (count, corners), number = kernels(), cells.shape, compliance.shape[-1]
-    rows, columns = np.triu_indices(number)
     if library is None:
-        return np.ascontiguousarray(pulled_back(compliance, jacobian, size)[:, rows, columns])
+        return None
     arrays = (
         given("compliance", compliance, (1 if len(compliance) == 1 else count, number, number)),
         given("points", points, (len(points), corners - 1)),
         numbers("cells", cells, (count, corners), len(points)),
         given("sizes", size, (count,)),
-        np.empty((count, len(rows))),
+        np.empty((count, number * (number + 1) // 2)),
     )
     library.check(library.call.hv_pull_back(corners - 1, count, len(compliance), *map(library.address, arrays)))
     return arrays[-1]
@@ -199,8 +198,8 @@ class SplitElement:
         """The degrees of freedom (M, n) that have the least energy with the same tractions and divergence."""
         if self.ways.shape[1] == self.moments:
             return degrees
-        found = MomentSpace(self, np.zeros((self.moments, 0))).inner(degrees, compliance)
-        return degrees - found @ self.ways[:, self.moments :].T
+        inner = MomentSpace(self, np.zeros((self.moments, 0))).inner(degrees, compliance)
+        return degrees - inner @ self.ways[:, self.moments :].T
 
     def slope(self, degrees: Array, compliance: Array) -> Array:
         """:meth:`MomentSpace.slope` by all moments, shape (M, k)."""
@@ -258,8 +257,8 @@ class MomentSpace:
         if slopes.shape[1] == q:
             return slopes
         inner = self._inner(compliance)
-        found = np.linalg.solve(inner[:, :, q:], slopes[:, q:, None])
-        return np.asarray(slopes[:, :q] - (inner[:, :, :q].transpose(0, 2, 1) @ found)[:, :, 0])
+        answer = np.linalg.solve(inner[:, :, q:], slopes[:, q:, None])
+        return np.asarray(slopes[:, :q] - (inner[:, :, :q].transpose(0, 2, 1) @ answer)[:, :, 0])
 
     def inner(self, degrees: Array, compliance: Array) -> Array:
         """What is taken off what has no tractions where the energy is least, shape (M, i)."""
@@ -324,16 +323,16 @@ def split_element(dim: int, order: int = 1) -> SplitElement:
     nodes = pieces + len(edges)
     unknowns = pieces * nodes * number
 
-    def place(piece: int, node: int, component: int) -> int:
+    def column(piece: int, node: int, component: int) -> int:
         return (piece * nodes + node) * number + component
 
     def traction(piece: int, node: int, normal: Array) -> Array:
         """Rows (d, unknowns) of the traction there."""
         row = np.zeros((dim, unknowns))
         for component, (i, j) in enumerate(pairs):
-            row[i, place(piece, node, component)] += normal[j]
+            row[i, column(piece, node, component)] += normal[j]
             if i != j:
-                row[j, place(piece, node, component)] += normal[i]
+                row[j, column(piece, node, component)] += normal[i]
         return row
 
     def on_facet(members: list[int]) -> list[int]:
@@ -358,7 +357,7 @@ def split_element(dim: int, order: int = 1) -> SplitElement:
         values, loading = _by_integral(conditions, moments, number, corners)
         ways = loading[:, :moments]
     else:
-        values, loading, ways = _by_divergence(conditions, continuous, moments, place, corners)
+        values, loading, ways = _by_divergence(conditions, continuous, moments, column, corners)
     values = np.asarray(values.reshape(pieces, nodes, number, -1), dtype=float)
     point, weight = quadrature_rule(dim, 2 * order)
     shapes = shape_values(order, point)
@@ -399,7 +398,7 @@ def _by_integral(conditions: list[Array], moments: int, number: int, corners: Ar
 
 
 def _by_divergence(
-    conditions: list[Array], continuous: int, moments: int, place: Callable[[int, int, int], int], corners: Array
+    conditions: list[Array], continuous: int, moments: int, column: Callable[[int, int, int], int], corners: Array
 ) -> tuple[Array, Array, Array]:
     """Degree 2: values by moments, loads and what has neither. Loads out of balance are first put into it, least."""
     dim, pieces = corners.shape[1], len(corners)
@@ -419,9 +418,9 @@ def _by_divergence(
             coordinates = np.concatenate([[1.0 - own[a].sum()], own[a]])
             for node in range(nodes):
                 for component, (j, k) in enumerate(pairs_of(dim)):
-                    divergence[row + j, place(i, node, component)] += derivative[node, k]
+                    divergence[row + j, column(i, node, component)] += derivative[node, k]
                     if j != k:
-                        divergence[row + k, place(i, node, component)] += derivative[node, j]
+                        divergence[row + k, column(i, node, component)] += derivative[node, j]
             for c in range(dim):
                 load[row + c, c::dim] = -coordinates @ linear  # div s = -f, f of these moments
             row += dim

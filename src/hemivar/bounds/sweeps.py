@@ -60,28 +60,25 @@ class ContactPenalty:
 
 
 class PatchSmoother:
-    """Improves a stress by sweeps over patches."""
+    """Improves a stress by sweeps over patches; of its moments it changes a copy unless the stress is its ``own``."""
 
-    def __init__(self, stress: AdmissibleStress, compiled: bool = True) -> None:
+    def __init__(self, stress: AdmissibleStress, compiled: bool = True, own: bool = False) -> None:
         self.data = stress.data
-        self._now: AdmissibleStress | None = stress  # where it is known
-        # changed in place, and its own: nothing of the stress is held
-        self._moments = stress.tractions.moments.copy()
-        self._start = AdmissibleStress(stress.data, stress.tractions).with_moments(self._moments)
+        self._compiled = CompiledPatches.of(self.data, stress.element) if compiled else None
+        self._now = stress
         self._slope = stress.slopes()
-        self._compiled = CompiledPatches.of(self.data, self._start.element) if compiled else None
+        self._seen = not own  # by others, so that the next sweep must leave its moments as they are
 
     @property
     def stress(self) -> AdmissibleStress:
         """The stress as it is now."""
-        if self._now is None:
-            self._now = self._start.with_moments(self._moments.copy())
+        self._seen = True
         return self._now
 
     @property
     def moments(self) -> Array:
         """The moments (F, k, d) of its tractions, which the next sweep changes."""
-        return self._moments
+        return self._now.tractions.moments
 
     @property
     def slopes(self) -> Array:
@@ -90,18 +87,19 @@ class PatchSmoother:
 
     def move(self, moments: Array, slopes: Array) -> None:
         """Go on with other moments and the slopes that belong to them."""
-        self._now, self._moments, self._slope = None, moments, slopes
+        self._now, self._slope, self._seen = self._now.with_moments(moments), slopes, False
 
     @property
     def misfit(self) -> float:
         """``int (s - C eps) : C^-1 (s - C eps)`` over the body, for the mean of C on each cell."""
-        return float(self.stress.mean_square.sum())
+        return float(self._now.mean_square.sum())
 
     def sweep(
         self, kind: PatchKind, contact: ContactPenalty | Prices | None = None, only_contact: bool = False
     ) -> None:
         """Improve all patches of a kind once."""
-        self._now = None
+        self._now = self._now.with_moments(self.moments.copy() if self._seen else self.moments)
+        self._seen = False
         allowed = self._allowed(self.prices(contact) if isinstance(contact, ContactPenalty) else contact)
         key = (kind, self._compiled is None, allowed.free.tobytes(), allowed.partly.tobytes())
         groups = self.data.once(key, lambda: self._grouped(kind, allowed.free, allowed.partly))
@@ -152,7 +150,7 @@ class PatchSmoother:
             if only_contact:
                 near = touching[self.data.table.cell_facets][:, group.sides]
                 order = order.touching(np.asarray(near.any(axis=2)))
-            self._compiled.improve(order, group.sides, allowed.free, self._slope, self._moments, allowed.prices)
+            self._compiled.improve(order, group.sides, allowed.free, self._slope, self.moments, allowed.prices)
         for batch in group.batches:
             some = batch.take(np.asarray(touching[batch.facets].any(axis=1))) if only_contact else batch
             self._improve_batch(some, allowed)
@@ -167,20 +165,22 @@ class PatchSmoother:
     @cached_property
     def _unknown(self) -> tuple[BoolArray, BoolArray]:
         """Facets whose tractions may change without contact, and those on which some components are given."""
-        unknown = self.data.unknown
-        one = np.eye(self.data.table.dim, dtype=bool)
-        given = (unknown[:, one] != 1.0).any(axis=1) | (unknown[:, ~one] != 0.0).any(axis=1)
-        return np.asarray(unknown.any(axis=(1, 2))), np.asarray(given)
+        free, given = self.data.table.interior.copy(), ~self.data.table.interior
+        outer = np.flatnonzero(given)
+        unknown = self.data.freed(outer)
+        free[outer] = unknown.any(axis=(1, 2))
+        given[outer] = (unknown != np.eye(self.data.table.dim)).any(axis=(1, 2))
+        return free, given
 
     def prices(self, contact: ContactPenalty) -> Prices:
         """What contact tractions cost, for their moments."""
         data, dim = self.data, self.data.table.dim
         facet = contact.facets
         inverse = np.linalg.inv(facet_mass(dim, data.order))
-        size, block = contact.price / data.table.measures[facet], self._start.element.block
-        loose = np.eye(dim) - data.unknown[facet]
+        size, block = contact.price / data.table.measures[facet], self._now.element.block
+        loose = np.eye(dim) - data.freed(facet)
         whole = np.einsum("f,ab,fij->faibj", size, inverse, loose).reshape(len(facet), block, block)
-        wanted = contact.wanted - data.facet_loads[facet]
+        wanted = contact.wanted - data.loads_on(facet)
         rows = np.full(len(data.table.facets), -1, dtype=np.int64)
         rows[facet] = np.arange(len(facet))
         if contact.mass is None or contact.start is None:
@@ -195,7 +195,7 @@ class PatchSmoother:
     def _improve_batch(self, batch: Batch, allowed: _Allowed) -> None:
         """Improve patches that share no cell."""
         facets, cells = batch.facets.shape[1], batch.cells.shape[1]
-        element, dim = self._start.element, self.data.table.dim
+        element, dim = self._now.element, self.data.table.dim
         width = max(2 * facets, 12) * element.block
         step = max(_ENTRIES[dim] // (cells * element.moments * (element.moments + width)), 1)
         for start in range(0, len(batch.facets), step):
@@ -206,26 +206,26 @@ class PatchSmoother:
             if allowed.prices is not None:
                 self._charge(part, system.fields, allowed.prices, H, slope)
             change = _least(H, slope)
-            self._moments[part.facets] += system.fields.moments(change)
+            self.moments[part.facets] += system.fields.moments(change)
             bent = np.einsum("kpq,kq->kp", system.bent, change)
             self._slope[part.cells] += bent.reshape(*part.cells.shape, -1)
 
     def _system(self, batch: Batch, partly: BoolArray) -> _System:
         """The misfit of patches in their fields."""
-        table, element, dim = self.data.table, self._start.element, self.data.table.dim
+        table, element, dim = self.data.table, self._now.element, self.data.table.dim
         (count, facets), cells = batch.facets.shape, batch.cells.shape[1]
         signs = table.signs[batch.cells]
         ends = np.full((count, facets + 1, 2), cells)
-        at = np.broadcast_to(np.arange(cells)[:, None], batch.place.shape[1:])
+        at = np.broadcast_to(np.arange(cells)[:, None], batch.local.shape[1:])
         every = np.arange(count)[:, None, None]
-        ends[every, batch.place, (signs < 0.0).astype(np.int64)] = at
+        ends[every, batch.local, (signs < 0.0).astype(np.int64)] = at
         whole = ~partly[batch.facets]
-        freed = self.data.unknown[batch.facets]
+        freed = self.data.freed(batch.facets)
         fields = patch_fields(self.data.places(batch.facets), ends[:, :facets], whole, cells, freed)
         N = fields.matrix()
         N = np.concatenate([N, np.zeros((count, 1, *N.shape[2:]))], axis=1)
         flat = batch.cells.ravel()
-        seen = N[every, batch.place] * signs[..., None, None, None]
+        seen = N[every, batch.local] * signs[..., None, None, None]
         seen = table.inverse[flat][:, None] @ seen.reshape(len(flat), -1, dim, N.shape[-1])
         seen = seen.reshape(len(flat), element.moments, -1)
         bent = element.matrix(self.data.reference_compliance[flat]) @ seen
@@ -235,16 +235,16 @@ class PatchSmoother:
 
     def _charge(self, batch: Batch, fields: PatchFields, prices: Prices, H: Array, slope: Array) -> None:
         """Add the price of contact tractions to the misfit of patches, in place."""
-        patch, place = np.nonzero(prices.rows[batch.facets] >= 0)
+        patch, local = np.nonzero(prices.rows[batch.facets] >= 0)
         if not len(patch):
             return
-        facet, some = batch.facets[patch, place], np.unique(patch)
+        facet, some = batch.facets[patch, local], np.unique(patch)
         row = prices.rows[facet]
         N = np.zeros((len(H), *fields.nodes.shape[1:], H.shape[1]))
         N[some] = fields.take(some).matrix()
-        on = N[patch, place].reshape(len(patch), -1, H.shape[1])
+        on = N[patch, local].reshape(len(patch), -1, H.shape[1])
         half = prices.offsets[row]
-        half = half + np.einsum("fpq,fq->fp", prices.matrices[row], self._moments[facet].reshape(len(facet), -1))
+        half = half + np.einsum("fpq,fq->fp", prices.matrices[row], self.moments[facet].reshape(len(facet), -1))
         np.add.at(H, patch, on.transpose(0, 2, 1) @ prices.matrices[row] @ on)
         np.add.at(slope, patch, np.einsum("fpq,fp->fq", on, half))
 

@@ -28,6 +28,7 @@ from hemivar.fem.contact_points import pair_projection, shares
 from hemivar.fem.discretize import discretize
 from hemivar.fem.supports import stated_supports
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 
 __all__ = ["contact_moments", "on_facets", "refuse_touching", "shared_anew", "touching_bodies"]
 
@@ -88,13 +89,13 @@ def on_facets(data: BodyData, problem: ContactProblem, contact: ContactPoints, f
 
     Where two bodies touch along one facet of the data, those of its first side are the moments.
     """
-    found, joined = np.zeros(data.facet_loads.shape), bool(data.table.cut.any())
+    on_all, joined = np.zeros(data.facet_loads.shape), bool(data.table.cut.any())
     for boundary, moments in _moments(problem, contact, contact.global_vectors(forces), joined):
-        facets = problem.mesh.boundaries[boundary]
-        nodes, number = problem.mesh.facet_nodes(facets, problem.order), data.table.numbers(facets)
+        rule = boundary_rule(problem.mesh, boundary, problem.order)
+        nodes, number = rule.nodes, data.table.numbers(rule.facets)
         ours, theirs = np.argsort(data.facet_nodes[number], axis=1), np.argsort(nodes, axis=1)
-        np.subtract.at(found, (number[:, None], ours), np.take_along_axis(moments, theirs[:, :, None], axis=1))
-    return found
+        np.subtract.at(on_all, (number[:, None], ours), np.take_along_axis(moments, theirs[:, :, None], axis=1))
+    return on_all
 
 
 def _constant(discrete: DiscreteProblem) -> float:
@@ -116,9 +117,9 @@ def _contact_forces(problem: ContactProblem, displacement: Array) -> tuple[Discr
     contact, u = discrete.contact, _unknowns(discrete, displacement)
     rows = np.flatnonzero(np.diff(contact.trace.indptr) > 0)
     seen = sp.csr_array(contact.trace[rows])
-    found = np.zeros(contact.trace.shape[0])
-    found[rows] = spla.splu(sp.csc_array(seen @ seen.T)).solve(seen @ discrete.out_of_balance(u))
-    return discrete, found.reshape(contact.shape)
+    forces = np.zeros(contact.trace.shape[0])
+    forces[rows] = spla.splu(sp.csc_array(seen @ seen.T)).solve(seen @ discrete.out_of_balance(u))
+    return discrete, forces.reshape(contact.shape)
 
 
 def _moments(
@@ -132,23 +133,22 @@ def _moments(
     for number, (name, stated) in enumerate(problem.contact.items()):
         on = np.flatnonzero(contact.boundary == number)
         if stated.against:
-            found, _ = pair_projection(problem, name, supports)
-            both = zip(problem.pair(name), found.moments(_at(nodes, contact, on, forces)[found.nodes]), strict=True)
+            projection, _ = pair_projection(problem, name, supports)
+            at_nodes = _at(nodes, contact, on, forces)[projection.nodes]
+            both = zip(problem.pair(name), projection.moments(at_nodes), strict=True)
             yield from islice(both, 1 if joined else 2)
             continue
         alone = np.flatnonzero([not problem.contact[contact.names[k]].against for k in contact.boundary])
         density = _at(nodes, contact, alone, forces / contact.weights[:, None])
         density[contact.node[on]] = (forces / contact.weights[:, None])[on]
-        facets = problem.mesh.boundaries[name]
-        measures = problem.mesh.facet_normals(facets)[1]
-        share = shares(problem.order, problem.mesh.dim)[:, None] * measures[:, None, None]
-        yield name, share * density[problem.mesh.facet_nodes(facets, problem.order)]
+        rule = boundary_rule(problem.mesh, name, problem.order)
+        yield name, shares(problem.order, problem.mesh.dim)[:, None] * rule.weights[:, None, None] * density[rule.nodes]
 
 
 def _at(nodes: int, contact: ContactPoints, points: IntArray, values: Array) -> Array:
     """Values (m, d) of some contact points, by node."""
     if (contact.node[points] < 0).any():
         raise ProblemError("contact tractions of bodies that touch are known for quadrature at the nodes")
-    found = np.zeros((nodes, values.shape[1]))
-    found[contact.node[points]] = values[points]
-    return found
+    at_nodes = np.zeros((nodes, values.shape[1]))
+    at_nodes[contact.node[points]] = values[points]
+    return at_nodes

@@ -138,7 +138,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
     source = "from the discrete problem: no bounds of the continuous one"
     if not energy.definite:
         return TraceBounds(0.0, 0.0, 0.0, 0.0, False, source)
-    found = kept.once("discrete trace bounds", problem.model, lambda: _eigenvalues(problem, energy))
+    constants = kept.once("discrete trace bounds", problem.model, lambda: _eigenvalues(problem, energy))
     contact = problem.contact
 
     def weighted(facets: Array, normal: Array, tangential: Array) -> tuple[float, float]:
@@ -161,7 +161,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
         rows = (contact.weights[:, None] * weight).ravel()
         return energy.largest_eigenvalue(contact.trace, rows).bound, np.inf
 
-    return TraceBounds(*found, guaranteed=False, source=source, weighted=weighted)
+    return TraceBounds(*constants, guaranteed=False, source=source, weighted=weighted)
 
 
 def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None = None) -> TraceBounds:
@@ -172,21 +172,21 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
     if origin is None or origin.kind:
         raise ProblemError("lower bounds of trace constants need a continuous problem; discretize a ContactProblem")
     body = body_bound(origin, kept)  # the quicker one first: it may be refused
-    found: LowerBounds | None
+    bounds: LowerBounds | None
     try:
-        found = lower_bounds(origin, workspace=kept)
+        bounds = lower_bounds(origin, workspace=kept)
     except ProblemError:
         if origin.trace_constant is None:
             raise
-        found = None
+        bounds = None
     source = "lower bounds of those of the continuous problem"
     own = TraceBounds(0.0, 0.0, 0.0, body, True, source)
-    if found is not None:
-        lowest = (found.both.lower, found.normal.lower, found.tangential.lower)
-        own = TraceBounds(*lowest, body, True, source, found.weighted)
-    return (
-        own if origin.trace_constant is None else _stated(origin, own, math.inf if found is None else found.both.upper)
-    )
+    if bounds is not None:
+        lowest = (bounds.both.lower, bounds.normal.lower, bounds.tangential.lower)
+        own = TraceBounds(*lowest, body, True, source, bounds.weighted)
+    if origin.trace_constant is None:
+        return own
+    return _stated(origin, own, math.inf if bounds is None else bounds.both.upper)
 
 
 def _stated(problem: ContactProblem, own: TraceBounds, upper: float) -> TraceBounds:
@@ -214,15 +214,15 @@ def _eigenvalues(problem: DiscreteProblem, energy: EnergyNorm) -> tuple[float, f
         raise ProblemError("a problem made of arrays has no mesh, so it has no exact solution to be distant from")
     weights = np.repeat(contact.weights[:, None], contact.components, axis=1)
     along = weights * (np.arange(contact.components) == 0)
-    found = []
+    constants = []
     for chosen in (weights, along, weights - along):
         top = energy.largest_eigenvalue(contact.trace, chosen.ravel()).bound if chosen.any() else 0.0
-        found.append(1.0 / top if top > 0.0 else np.inf)
+        constants.append(1.0 / top if top > 0.0 else np.inf)
     mesh = field.mesh
     share = np.repeat(mesh.volumes / (mesh.dim + 1), mesh.dim + 1)
     lumped = np.bincount(mesh.cells.ravel(), weights=share, minlength=mesh.number_of_nodes)
     body = energy.largest_eigenvalue(sp.csr_array(field.basis), np.repeat(lumped, mesh.dim)).bound
-    return found[0], found[1], found[2], 1.0 / body
+    return constants[0], constants[1], constants[2], 1.0 / body
 
 
 def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> float:
@@ -307,5 +307,5 @@ def missed_part(dim: int) -> float:
     mass = (np.eye(n) + 1.0) / (n * (n + 1))
     on_pieces = (1.0 - np.eye(n) + 1.0 / n) / n**2  # integral of phi_a over a piece
     constant = np.linalg.solve(on_pieces, mass)  # its moments are those of a linear function: values (piece, a)
-    found = la.eigh(constant.T @ constant / n - mass, mass, eigvals_only=True)
-    return math.hypot(1.0, math.sqrt(float(found[-1])))
+    eigenvalues = la.eigh(constant.T @ constant / n - mass, mass, eigvals_only=True)
+    return math.hypot(1.0, math.sqrt(float(eigenvalues[-1])))

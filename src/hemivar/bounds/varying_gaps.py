@@ -45,12 +45,12 @@ def unknown_gap(data: BodyData, name: str, contact: Contact, formulas: bool) -> 
     Also for a formula that intervals bound, where ``formulas`` serve.
     """
     if formulas and contact.obstacle is None and isinstance(_given(contact), Formula):
-        found = _range(data, name, contact, data.table.numbers(data.problem.mesh.boundaries[name]))
-        if np.isfinite(found.unknown).all():
+        gap_range = _range(data, name, contact, data.table.numbers(data.problem.mesh.boundaries[name]))
+        if np.isfinite(gap_range.unknown).all():
             return ""
-        facet = found.facets[np.argmax(found.unknown)]
-        place = ", ".join(f"{x:.4g}" for x in data.table.mesh.points[data.table.facets[facet]].mean(axis=0))
-        return f"the formula of the gap of contact '{name}' has no bound by intervals near x = ({place})"
+        facet = gap_range.facets[np.argmax(gap_range.unknown)]
+        x = ", ".join(f"{part:.4g}" for part in data.table.mesh.points[data.table.facets[facet]].mean(axis=0))
+        return f"the formula of the gap of contact '{name}' has no bound by intervals near x = ({x})"
     if isinstance(contact.obstacle, Plane) or (contact.obstacle is None and _is_number(contact)):
         return ""
     return f"the gap of contact '{name}' varies, and is evaluated by a quadrature rule"
@@ -66,11 +66,11 @@ def _is_number(contact: Contact) -> bool:
 
 def gap_ranges(data: BodyData) -> list[GapRange]:
     """Of each contact boundary without an obstacle; normals are those of the facets."""
-    found = []
+    ranges = []
     for number, (name, contact) in enumerate(data.problem.contact.items()):
         if contact.obstacle is None:
-            found.append(_range(data, name, contact, np.flatnonzero(data.contact == number)))
-    return found
+            ranges.append(_range(data, name, contact, np.flatnonzero(data.contact == number)))
+    return ranges
 
 
 def _range(data: BodyData, name: str, contact: Contact, facets: IntArray) -> GapRange:
@@ -82,7 +82,7 @@ def _range(data: BodyData, name: str, contact: Contact, facets: IntArray) -> Gap
     corners = np.einsum("pab,fbi->fpai", parts, table.mesh.points[table.facets[facets]]).reshape(-1, dim, dim)
     seen = np.vstack([np.eye(dim), 0.5 * (np.eye(dim)[pairs[:, 0]] + np.eye(dim)[pairs[:, 1]])])
     shapes = shape_values(data.order, seen @ parts)
-    moved = np.einsum("pqa,fai,fi->fpq", shapes, data.jump(data.displacement, facets), table.normals[facets])
+    moved = np.einsum("pqa,fai,fi->fpq", shapes, data.jump(data.displacement, facets), table.normals_of(facets))
     gap, off = _gap(name, contact, corners, seen)
     r = moved - gap.reshape(count, pieces, -1)
     ends, middles = r[..., :dim], r[..., dim:]
@@ -99,17 +99,17 @@ def _range(data: BodyData, name: str, contact: Contact, facets: IntArray) -> Gap
 def _gap(name: str, contact: Contact, corners: Array, seen: Array) -> tuple[Array, Array]:
     """Polynomials near to a gap, at points (q, d) of parts (k, d, d), and how far from it they may be, (k,)."""
     given, time = _given(contact), contact.gap.time if isinstance(contact.gap, Instant) else None
-    found = given.expansion(corners, time) if isinstance(given, Formula) else None
-    if found is not None and np.isfinite(found.off).all():
-        return found.at(seen), found.off
+    expansion = given.expansion(corners, time) if isinstance(given, Formula) else None
+    if expansion is not None and np.isfinite(expansion.off).all():
+        return expansion.at(seen), expansion.off
     places = np.einsum("qa,kai->kqi", seen, corners)
     values = (
         DataField(contact.gap, f"gap of contact '{name}'")
         .at(places.reshape(-1, corners.shape[2]))
         .reshape(places.shape[:2])
     )
-    if found is not None:
-        return np.where(np.isfinite(found.off)[:, None], found.at(seen), values), found.off
+    if expansion is not None:
+        return np.where(np.isfinite(expansion.off)[:, None], expansion.at(seen), values), expansion.off
     return values, np.full(len(corners), np.inf if callable(contact.gap) else 0.0)
 
 
@@ -120,11 +120,11 @@ def _parts(dim: int) -> Array:
         at = np.arange(n + 1) / n
         ends = np.stack([at[:-1], at[1:]], axis=1)
         return np.stack([1.0 - ends, ends], axis=2)
-    found = []
+    corners = []
     for i in range(n):
         for j in range(n - i):
-            found.append([[i, j], [i + 1, j], [i, j + 1]])
+            corners.append([[i, j], [i + 1, j], [i, j + 1]])
             if i + j < n - 1:
-                found.append([[i + 1, j + 1], [i, j + 1], [i + 1, j]])
-    two = np.array(found, dtype=float) / n
+                corners.append([[i + 1, j + 1], [i, j + 1], [i + 1, j]])
+    two = np.array(corners, dtype=float) / n
     return np.concatenate([1.0 - two.sum(axis=2, keepdims=True), two], axis=2)

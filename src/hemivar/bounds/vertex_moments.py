@@ -59,10 +59,10 @@ def equilibrated(data: BodyData, pressures: Array | None = None) -> Tractions:
     compiled = CompiledStars.of(data, _dear(data), pressures)
     if compiled is None:
         return _Unsettled.of(data, pressures).settled(data)
-    pinched, *found = compiled.settled()
+    pinched, *parts = compiled.settled()
     if pinched >= 0:
         raise _pinched(pinched, data.table.mesh.points)
-    return Tractions(*found)
+    return Tractions(*parts)
 
 
 def shared_on_contact(data: BodyData, stated: Array | None = None) -> Array:
@@ -72,11 +72,11 @@ def shared_on_contact(data: BodyData, stated: Array | None = None) -> Array:
     """
     touched = data.contact >= 0
     if stated is not None:
-        facets, found = np.flatnonzero(touched), np.zeros(stated.shape)
+        facets, moments = np.flatnonzero(touched), np.zeros(stated.shape)
         own = data.cell_moments[data.table.owners[facets, 0], _sides(data)[facets, 0]]
-        given = (data.facet_loads + stated)[facets]
-        found[facets] = given + np.einsum("fij,faj->fai", data.unknown[facets], own - given)
-        return found
+        given = data.loads_on(facets) + stated[facets]
+        moments[facets] = given + np.einsum("fij,faj->fai", data.freed(facets), own - given)
+        return moments
     compiled = CompiledStars.of(data, _dear(data))
     if compiled is not None:
         return compiled.on_contact(np.unique(data.table.facets[touched]))
@@ -89,9 +89,9 @@ def _dear(data: BodyData) -> Array:
 
 
 def _pinched(vertex: int, points: Array) -> ProblemError:
-    place = ", ".join(f"{x:.6g}" for x in points[vertex])
+    x = ", ".join(f"{part:.6g}" for part in points[vertex])
     return ProblemError(
-        f"cells around the node {vertex}, x = ({place}), meet there and share no facet; join them through facets"
+        f"cells around the node {vertex}, x = ({x}), meet there and share no facet; join them through facets"
     )
 
 
@@ -125,12 +125,12 @@ class _Unsettled:
         dear /= dear.sum(axis=1, keepdims=True)
         stars = _Stars.of(data, ease)
         own, (first, second) = data.cell_moments, table.owners.T  # of the stress of each cell, outward
-        inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
+        inside, outer = np.flatnonzero(table.interior), table.outer
         moments = np.array(own[first, sides[:, 0]])
         moments[inside] *= dear[inside, :1, None]
         moments[inside] -= dear[inside, 1:, None] * own[second[inside], sides[inside, 1]]
-        given = data.facet_loads[outer] + (0.0 if pressures is None else pressures[outer])
-        moments[outer] = given + np.einsum("fij,faj->fai", data.unknown[outer], moments[outer] - given)
+        given = data.outer_loads + (0.0 if pressures is None else pressures[outer])
+        moments[outer] = given + np.einsum("fij,faj->fai", data.freed(outer), moments[outer] - given)
         lack = data.forces - data.loads
         outward = table.of_cells(moments)
         for facet, nodes in enumerate(facet_vertices(dim, data.order)):
@@ -195,10 +195,10 @@ def _free_directions(data: BodyData, stars: _Stars) -> Array:
     """Projections (nodes, d, d) on the directions along which no facet at the node takes up a force."""
     if data.order == 1:
         return stars.free
-    dim, table = data.table.dim, data.table
+    dim = data.table.dim
     middle = np.zeros((len(data.displacement) - len(stars.free), dim, dim))
     loose = np.eye(dim) - data.unknown
-    loose[table.interior] = np.eye(dim)  # both sides know the moment: their sum has to vanish
+    loose[data.table.interior] = np.eye(dim)  # both sides know the moment: their sum has to vanish
     for nodes in (data.opposite, data.facet_nodes):
         middle[nodes[:, dim] - len(stars.free)] = loose
     return np.concatenate([stars.free, middle])
@@ -282,12 +282,12 @@ class _Stars:
 
     def _solve(self, chosen: IntArray, size: int, components: int, lack: Array, out: Array) -> None:
         """Vertices with the same number of cells; one system for all components, or one that couples them."""
-        dim, (first, order, place) = self.free.shape[1], self.table.stars
+        dim, (first, order, rank) = self.free.shape[1], self.table.stars
         pairs = order[first[chosen][:, None] + np.arange(size)]
         at, joined = _ranges(self.facets_first, chosen)
         joined, ease = self.joined[joined], self.ease[joined]
         graph = np.zeros((len(chosen), size, size))
-        one, two = place[joined[:, 0]], place[joined[:, 1]]
+        one, two = rank[joined[:, 0]], rank[joined[:, 1]]
         graph[at, one, two] = graph[at, two, one] = -ease
         diagonal = np.arange(size)
         graph[:, diagonal, diagonal] = -graph.sum(axis=2)
@@ -302,7 +302,7 @@ class _Stars:
         at = row[self.table.cells.ravel()[self.held]]
         here = at >= 0
         held = np.zeros((len(chosen), size, dim, dim))
-        np.add.at(held, (at[here], place[self.held[here]]), self.block[here])
+        np.add.at(held, (at[here], rank[self.held[here]]), self.block[here])
         full[:, diagonal, :, diagonal] += held.transpose(1, 0, 2, 3)
         flat = full.reshape(len(chosen), size * dim, size * dim)
         out[pairs] = np.linalg.solve(flat, right.reshape(len(chosen), -1, 1)).reshape(right.shape)

@@ -38,6 +38,8 @@ __all__ = ["SearchProgress", "SolutionSearch"]
 _NEWTON = 25
 #: Starts that are deflated side by side, and entries of their Jacobians at most: 8 MiB.
 _AT_ONCE, _ENTRIES = 20, 2**20
+#: Relative residual of a start whose pieces and kinks are tried.
+_ROUGH = 1e-2
 #: Part of the length of a chain by which two zeros differ.
 _APART = 1e-9
 #: Points of glue that couples of which all combinations of intact and broken are tried.
@@ -196,11 +198,9 @@ class SolutionSearch:
         """Add what a solver found if it converged and is new."""
         if solution.status is not Status.CONVERGED or self.full:
             return False
-        if self.chain is not None:
-            theta, segment = self.chain.nearest(solution.local, solution.multiplier)
-            corrected = self.chain.correct(theta, segment, self.chain.force)
-            if corrected is not None and self.chain.inside(corrected, segment, 1e-7 * self.chain.length).all():
-                return self.add_point(corrected, segment)
+        place = self._on_its_pieces(solution)
+        if place is not None:
+            return self.add_point(*place)
         solution, error = polish_by_solver(solution, self.system, self.workspace, self.controls, self.budget)
         if self.known(solution.local, error):
             return False
@@ -209,6 +209,16 @@ class SolutionSearch:
         if self.chain is not None:
             self.points.append(self.chain.nearest(solution.local, solution.multiplier))
         return True
+
+    def _on_its_pieces(self, solution: Solution) -> tuple[Array, IntArray] | None:
+        """theta and segment of the zero of F on the pieces and kinks that a solution is nearest to, if it is there."""
+        chain = self.chain
+        if chain is None or solution.status is not Status.CONVERGED:
+            return None
+        theta, segment = chain.nearest(solution.local, solution.multiplier)
+        corrected = chain.correct(theta, segment, chain.force)
+        inside = corrected is not None and chain.inside(corrected, segment, 1e-7 * chain.length).all()
+        return (corrected, segment) if corrected is not None and inside else None
 
     def from_candidates(self, candidates: Iterable[Candidate]) -> Iterator[None]:
         """The points of the enumeration."""
@@ -244,14 +254,27 @@ class SolutionSearch:
     # ---- starts ------------------------------------------------------------------------------------------
 
     def run(self, solver: Solver, r: Array | None = None) -> None:
-        """Solve from a point, or from where the method begins, and keep what is new."""
-        problem = self.problem
+        """Solve from a point, or from where the method begins, and keep what is new.
+
+        From a point roughly at first: Newton's method on the pieces and kinks of what it ends at makes that exact.
+        """
         self.starts += 1
-        initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
-        controls = replace(self.controls, max_time=self.budget.left)
-        found = solve(problem, suited(solver, problem), controls, initial=initial, workspace=self.workspace)
-        self.add_solution(found)
-        check_interrupt(found.status)
+        initial: Array | Solution | None = None
+        if r is not None:
+            initial = self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
+            if self.chain is not None:
+                initial = self._solved(solver, initial, _ROUGH)
+                if self._on_its_pieces(initial) is not None:
+                    self.add_solution(initial)
+                    return
+        self.add_solution(self._solved(solver, initial, self.controls.rtol))
+
+    def _solved(self, solver: Solver, initial: Array | Solution | None, rtol: float) -> Solution:
+        controls = replace(self.controls, rtol=max(rtol, self.controls.rtol), max_time=self.budget.left)
+        method = suited(solver, self.problem)
+        solution = solve(self.problem, method, controls, initial=initial, workspace=self.workspace)
+        check_interrupt(solution.status)
+        return solution
 
     def plan(self, count: int) -> None:
         """Count the starts there will be, with so many at random of each kind."""

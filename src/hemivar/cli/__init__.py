@@ -1,4 +1,4 @@
-"""The command."""
+"""The command line interface ``hemivar``."""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ import typer
 
 from hemivar import __version__
 from hemivar.basics.disk import shown, write_text
+from hemivar.basics.user_code import stands_at
 from hemivar.cli import options as opt
 from hemivar.cli.command import Command, Done, function_of
 from hemivar.cli.comparison import CertifyCommand, CompareCommand, SurveyCommand
@@ -99,6 +100,8 @@ def _guarded(arguments: list[str] | None, out: Stream) -> int:
             usage = error.format_message()
             usage = usage.rstrip(".") + (" " if usage.endswith("?") else "; ")
             return _complain(f"{usage}see 'hemivar --help'")
+        if line := stands_at(error):
+            return _complain(f"{line}: {type(error).__name__}: {error}; correct this code")
         return _complain(internal_error(error), Exit.INTERNAL)
     if code == Exit.INTERRUPTED:
         why = ": standard output is no longer read" if out.reader_left else ""
@@ -199,8 +202,8 @@ class MethodsCommand(Command):
 
         for name, solver in METHODS.items():
             print(f"{name}\n    {first_line(solver)}")
-            for one in fields(solver):  # type: ignore[arg-type]
-                inner = getattr(solver, one.name)
+            for option_field in fields(solver):  # type: ignore[arg-type]
+                inner = getattr(solver, option_field.name)
                 if is_dataclass(inner):
                     print(f"    {first_line(inner)}")
         print("\nWhere no method is named, newton or multigrid is chosen by predicted cost and memory.")
@@ -216,43 +219,43 @@ class DoctorCommand(Command):
         from hemivar.basics.memory import size_in_words
         from hemivar.workflows import Phase, diagnose, result_of
 
-        def told(event: Phase) -> None:
+        def show(event: Phase) -> None:
             if sys.stderr.isatty():
                 sys.stderr.write(f"\r\x1b[K{event.name} ...")
                 sys.stderr.flush()
 
-        found = result_of(diagnose(limit=5.0 if self.quick else 30.0), told)
+        diagnosis = result_of(diagnose(limit=5.0 if self.quick else 30.0), show)
         if sys.stderr.isatty():
             sys.stderr.write("\r\x1b[K")
-        memory = "" if found.memory is None else f", {size_in_words(found.memory)} of memory free"
-        cores = f"{found.cores} core{'s' if found.cores != 1 else ''}"
-        print(f"hemivar           {found.version}")
-        print(f"Python            {found.python}")
-        print(f"machine           {found.system}, {cores}{memory}")
-        if found.kernels is None:
+        memory = "" if diagnosis.memory is None else f", {size_in_words(diagnosis.memory)} of memory free"
+        cores = f"{diagnosis.cores} core{'s' if diagnosis.cores != 1 else ''}"
+        print(f"hemivar           {diagnosis.version}")
+        print(f"Python            {diagnosis.python}")
+        print(f"machine           {diagnosis.system}, {cores}{memory}")
+        if diagnosis.kernels is None:
             print("kernels           pyamg, 1 thread (no compiler at installation, or HEMIVAR_KERNELS=none)")
         else:
-            print(f"kernels           compiled, {found.kernels} thread{'s' if found.kernels != 1 else ''}")
-        for library, count in found.threads:
+            print(f"kernels           compiled, {diagnosis.kernels} thread{'s' if diagnosis.kernels != 1 else ''}")
+        for library, count in diagnosis.threads:
             print(f"linear algebra    {library}, {count} thread{'s' if count != 1 else ''}")
-        if found.seconds is not None:
-            print(f"small problem     solved and certified in {found.seconds:.2g} s")
+        if diagnosis.seconds is not None:
+            print(f"small problem     solved and certified in {diagnosis.seconds:.2g} s")
         print("\nneeded")
-        for part in found.required:
+        for part in diagnosis.required:
             print(f"  {part.name:<16}{part.version or 'missing'}{_trouble(part.broken)}")
         print("\noptional")
-        for part in found.optional:
+        for part in diagnosis.optional:
             state = part.version or "not there"
             print(f"  {part.name:<16}{state}{_trouble(part.broken)}\n{'':18}for {part.serves}")
             if part.remedy:
                 print(f"{'':18}{part.remedy}")
-        if found.remarks:
+        if diagnosis.remarks:
             print("\nto do")
-            for remark in found.remarks:
+            for remark in diagnosis.remarks:
                 print(f"  {remark}")
         else:
             print("\nnothing to do")
-        return Done(reached=found.sound)
+        return Done(reached=diagnosis.sound)
 
 
 def _trouble(broken: str | None) -> str:

@@ -41,13 +41,13 @@ class Command:
     """Base of all commands: checks, works, writes what was asked for, says what was written, and ends with a code."""
 
     #: Whether the names of the files that were written are printed.
-    tells: ClassVar[bool] = True
+    names_files: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, eq=False, repr=False)(cls)
 
     @cached_property
-    def place(self) -> Engine:
+    def backend(self) -> Engine:
         """What it works with."""
         return Engine()
 
@@ -81,25 +81,25 @@ class Command:
 
     def run(self) -> int:
         """Run it, and return the exit code."""
-        with self.place.working():
-            self.place.agree(self.check)
+        with self.backend.working():
+            self.backend.agree(self.check)
             self.begin()
             _look_for_garbage()
             done = self.work()
             self.write(done.files)
             code = Exit.CONVERGED if done.reached else Exit.NOT_CONVERGED
             code = Exit.INTERRUPTED if done.interrupted else code
-            said = done.last()
-            return self.place.ended(self.writer.ended(said if isinstance(said, Exit) else code))
+            ended = done.last()
+            return self.backend.ended(self.writer.ended(ended if isinstance(ended, Exit) else code))
 
     def write(self, files: Files) -> None:
         """Write the files that were asked for, and print their names."""
         for key, content in files.items():
             option, path = ("--plot", key) if isinstance(key, Path) else (key, self.outputs.get(key))
-            if self.place.first or option in self.place.together:
+            if self.backend.first or option in self.backend.together:
                 self.writer.take(option, path, content)
-        if self.tells:
-            self.writer.tell()
+        if self.names_files:
+            self.writer.print_names()
 
 
 class OnProblem(Command):
@@ -117,7 +117,7 @@ class OnProblem(Command):
         """The problem file, read, with limits and changes of the command line."""
         limits = {name: getattr(self, name, None) for name in ("rtol", "max_time", "max_steps", "given")}
         return Session(
-            self.problem, self.outputs, **limits, solution=self.read, engine=self.place, code=self.allow_code
+            self.problem, self.outputs, **limits, solution=self.read, engine=self.backend, code=self.allow_code
         )
 
     @cached_property
@@ -158,7 +158,7 @@ def function_of(kind: type[Command]) -> Callable[..., int]:
         default = inspect.Parameter.empty if default is MISSING else default
         return inspect.Parameter(name, named, default=default, annotation=hints[name])
 
-    options = sorted(fields(kind), key=lambda one: bool(one.kw_only))  # type: ignore[arg-type]
-    own = [parameter(one.name, one.default) for one in options]
+    options = sorted(fields(kind), key=lambda option: bool(option.kw_only))  # type: ignore[arg-type]
+    own = [parameter(option.name, option.default) for option in options]
     call.__doc__, call.__signature__ = kind.__doc__, inspect.Signature(own)  # type: ignore[attr-defined]
     return call

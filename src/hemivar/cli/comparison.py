@@ -110,7 +110,7 @@ class CompareCommand(OnProblem):
     max_time: opt.MaxTime = None
     max_steps: opt.MaxSteps = None
     given: opt.Given = None
-    tells: ClassVar = False
+    names_files: ClassVar = False
 
     @cached_property
     def solvers(self) -> dict[str, Solver]:
@@ -143,48 +143,48 @@ class CompareCommand(OnProblem):
                 limits = f"{controls.max_time:g} s for each method, relative residual {controls.rtol:.0e}"
                 return print(f"limits            {limits}\n")
 
-            found = result_of(compare(discrete, CompareOptions(self.solvers, controls)), show)
+            comparison = result_of(compare(discrete, CompareOptions(self.solvers, controls)), show)
         columns = tuple(stated.units.head(name, "energy" if name == "energy" else "") for name in _COLUMNS)
-        table = Table(columns, tuple(map(_row, found.attempts)))
+        table = Table(columns, tuple(map(_row, comparison.attempts)))
         print_table(console(), table)
-        if found.reference is not None:
-            print(f"difference: relative, in the energy norm, to {found.reference.name}")
-        for tried in found.attempts:
-            if tried.note:
-                print(f"{tried.name}: {tried.note}")
-        files: Files = {"--csv": table.write_csv, "--json": _record(stated, found)}
-        if found.interrupted or found.attempts[0].status == "converged":
-            return Done(files, interrupted=found.interrupted)
-        first = found.attempts[0]
+        if comparison.reference is not None:
+            print(f"difference: relative, in the energy norm, to {comparison.reference.name}")
+        for attempt in comparison.attempts:
+            if attempt.note:
+                print(f"{attempt.name}: {attempt.note}")
+        files: Files = {"--csv": table.write_csv, "--json": _record(stated, comparison)}
+        if comparison.interrupted or comparison.attempts[0].status == "converged":
+            return Done(files, interrupted=comparison.interrupted)
+        first = comparison.attempts[0]
         line = f"hemivar: the reference method {first.name} did not converge: {one_line(first.note)}\n"
         return Done(files, False, last=lambda: sys.stderr.write(line))
 
 
-def _row(tried: Attempt) -> tuple[str | float | None, ...]:
-    s = tried.solution
+def _row(attempt: Attempt) -> tuple[str | float | None, ...]:
+    s = attempt.solution
     if s is None:
-        return (tried.name, tried.status, *[None] * 6)
+        return (attempt.name, attempt.status, *[None] * 6)
     return (
-        tried.name, tried.status, tried.seconds, s.steps, s.evaluations, s.residual.relative, f"{s.energy:.10g}",
-        tried.difference,
+        attempt.name, attempt.status, attempt.seconds, s.steps, s.evaluations, s.residual.relative, f"{s.energy:.10g}",
+        attempt.difference,
     )  # fmt: skip
 
 
-def _record(stated: ProblemFile, found: Comparison) -> dict[str, object]:
+def _record(stated: ProblemFile, comparison: Comparison) -> dict[str, object]:
     def plain(value: str | float | None) -> str | float | None:
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
     records = []
-    for tried in found.attempts:
-        record = dict(zip(_KEYS, map(plain, _row(tried)), strict=True))
-        record["energy"] = None if tried.solution is None else plain(tried.solution.energy)
-        records.append({**record, "note": tried.note})
+    for attempt in comparison.attempts:
+        record = dict(zip(_KEYS, map(plain, _row(attempt)), strict=True))
+        record["energy"] = None if attempt.solution is None else plain(attempt.solution.energy)
+        records.append({**record, "note": attempt.note})
     return {
         "problem": stated.name,
         "title": stated.problem.title,
-        "unknowns": found.problem.unknowns,
-        "contact_points": found.problem.contact_points,
-        "reference": None if found.reference is None else found.reference.name,
+        "unknowns": comparison.problem.unknowns,
+        "contact_points": comparison.problem.contact_points,
+        "reference": None if comparison.reference is None else comparison.reference.name,
         "methods": records,
     }
 
@@ -201,7 +201,7 @@ class SurveyCommand(Command):
     max_n: Annotated[int, option("Finest mesh size is 1/N; a power of two.", of="N")] = 128
     max_time: opt.MaxTime = None
     bounds: Annotated[bool, option("Bound the distance to the exact solution in Figure 5.")] = True
-    tells: ClassVar = False
+    names_files: ClassVar = False
 
     @property
     def _limit(self) -> float:
@@ -242,11 +242,10 @@ class SurveyCommand(Command):
             kind = "estimates" if runs.not_guaranteed else "guaranteed bounds"
             size = f"h = 1/{self.max_n}; over the errors of Figure 5"
             print(f"{kind} of the distance to the exact solution in the V-norm, {size}")
-            for method, found in runs.bounds.items():
-                ratios = [found[-2] / errors[-2] for (_, of), errors in runs.errors.items() if of == method]
-                print(
-                    f"    {found[-1]:.3g}   {method}, at h = 1/{self.max_n // 2} {min(ratios):.2f} to {max(ratios):.2f}"
-                )
+            for method, bounds in runs.bounds.items():
+                ratios = [bounds[-2] / errors[-2] for (_, of), errors in runs.errors.items() if of == method]
+                least, most = min(ratios), max(ratios)
+                print(f"    {bounds[-1]:.3g}   {method}, at h = 1/{self.max_n // 2} {least:.2f} to {most:.2f}")
         report = self.output / "report.html"
         others = len(result.files) - (report in result.files)
         print(f"\nwritten           {f'{shown(report)} and ' if report in result.files else ''}{others} other files")

@@ -1,4 +1,4 @@
-"""What a command works with: this process by itself, or all ranks of ``mpirun`` (:mod:`hemivar.ranks.petsc_engine`)."""
+"""The engine (backend) of a command: this process, or all ranks of ``mpirun`` (:mod:`hemivar.ranks.petsc_engine`)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 from hemivar.basics.defined_above import above
 from hemivar.basics.signals import handled
 from hemivar.cli.options import ENGINES, check_engine
+from hemivar.cli.terminal import COALESCE
 from hemivar.errors import HemivarError, ProblemError
 
 if TYPE_CHECKING:
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["Asked", "Engine", "engine_named"]
 
 T = TypeVar("T")
-
-#: Signals within so many seconds count as one.
-_COALESCE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +122,7 @@ class Engine:
 
         def note(number: int, _: object) -> None:
             now = time.monotonic()
-            if asked and now - asked[-1] > _COALESCE and number == signal.SIGINT:
+            if asked and now - asked[-1] > COALESCE and number == signal.SIGINT:
                 raise KeyboardInterrupt
             if not asked:
                 asked.append(now)
@@ -157,9 +155,9 @@ class Engine:
 
         return Series(path, discrete)
 
-    def film(self, found: History, fields: Path | None) -> Film | History:
+    def film(self, history: History, fields: Path | None) -> Film | History:
         """What a film of a march is drawn of, whose frames are in a file where they were written."""
-        return found
+        return history
 
 
 def engine_named(name: str, *together: str) -> Engine:

@@ -1,4 +1,4 @@
-"""``hemivar solutions``, ``path`` and ``bracket``: the equilibria of a problem, at its load and while it grows."""
+"""``hemivar solutions``, ``path`` and ``bracket``: all equilibria at a load, the equilibrium path, the limit load."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BracketCommand", "PathCommand", "SolutionsCommand"]
 
+#: Folds, branch points and jumps that are printed of each, so that they stay on one screen; --json has all.
 _SHOWN = 12
 
 
@@ -57,52 +58,58 @@ class SolutionsCommand(OnProblem):
         session = self.session
         check_drawable(session.stated, None, self.colour)
         options = SolutionsOptions(self.starts, self.max_solutions, self.seed, session.controls)
-        found = watched(solutions(self.discrete(), options))
-        print(f"solutions         {len(found)}; {'no others exist' if found.exhaustive else 'there may be others'}")
-        print(f"searched          {found.searched}")
-        if len(found):
-            print_table(console(), _solutions_table(found, session.stated.units))
-        for number, one in enumerate(found):
-            if one.deformation is not None and one.deformation.warning is not None:
-                print(f"warning           solution {number + 1}: {one.deformation.warning}")
+        equilibria = watched(solutions(self.discrete(), options))
+        others = "no others exist" if equilibria.exhaustive else "there may be others"
+        print(f"solutions         {len(equilibria)}; {others}")
+        print(f"searched          {equilibria.searched}")
+        if len(equilibria):
+            print_table(console(), _solutions_table(equilibria, session.stated.units))
+        for number, solution in enumerate(equilibria):
+            if solution.deformation is not None and solution.deformation.warning is not None:
+                print(f"warning           solution {number + 1}: {solution.deformation.warning}")
         record = {
             "problem": session.stated.name,
-            "exhaustive": found.exhaustive,
-            "searched": found.searched,
-            "starts": found.starts,
-            "solutions": [{"kind": s.kind, **solution_record(s)} for s in found] if self.json else [],
+            "exhaustive": equilibria.exhaustive,
+            "searched": equilibria.searched,
+            "starts": equilibria.starts,
+            "solutions": [{"kind": s.kind, **solution_record(s)} for s in equilibria] if self.json else [],
         }
-        return Done({"--json": record, **self._pictures(found)}, len(found) > 0, found.interrupted)
+        return Done({"--json": record, **self._pictures(equilibria)}, len(equilibria) > 0, equilibria.interrupted)
 
-    def _pictures(self, found: SolutionSet) -> Files:
+    def _pictures(self, equilibria: SolutionSet) -> Files:
         """All solutions on one picture, and each on one of its own, named after it."""
         file, session = self.plot, self.session
-        if file is None or not len(found):
+        if file is None or not len(equilibria):
             return {}
         from hemivar.report import plot_solution, plot_solutions
         from hemivar.report.solution_pictures import MOST_PICTURES, common_scale
         from hemivar.systems.workspace import Workspace
 
-        kept, scale, colour, units = Workspace(), common_scale(found), colour_named(self.colour), label_units(session)
+        kept, scale, colour, units = (
+            Workspace(),
+            common_scale(equilibria),
+            colour_named(self.colour),
+            label_units(session),
+        )
 
-        def one(number: int) -> Figure:
-            solution = found[number]
+        def picture(number: int) -> Figure:
+            solution = equilibria[number]
             certificate = solution.certify(trace_constant=False, workspace=kept)
             title = f"{session.title or session.stated.name}, solution {number + 1}: energy {solution.energy:.6g}"
             return plot_solution(solution, scale=scale, title=title, colour=colour, certificate=certificate, **units)
 
-        own = [file.with_name(f"{file.stem}_{number + 1}{file.suffix}") for number in range(len(found))]
+        own = [file.with_name(f"{file.stem}_{number + 1}{file.suffix}") for number in range(len(equilibria))]
         return {
-            "--plot": partial(plot_solutions, found, title=session.title, colour=colour, **units),
-            **{path: partial(one, number) for number, path in enumerate(own[:MOST_PICTURES])},
+            "--plot": partial(plot_solutions, equilibria, title=session.title, colour=colour, **units),
+            **{path: partial(picture, number) for number, path in enumerate(own[:MOST_PICTURES])},
         }
 
 
-def _solutions_table(found: SolutionSet, units: Units) -> Table:
+def _solutions_table(equilibria: SolutionSet, units: Units) -> Table:
     """One line for each solution."""
     from hemivar.report.tables import Table
 
-    glued = any(s.debonding for s in found)
+    glued = any(s.debonding for s in equilibria)
     columns = (
         "",
         "kind",
@@ -122,7 +129,7 @@ def _solutions_table(found: SolutionSet, units: Units) -> Table:
             f"{s.contact_length:.6g}",
             s.residual.relative,
         )
-        for i, s in enumerate(found)
+        for i, s in enumerate(equilibria)
     )
     return Table(columns, rows)
 
@@ -178,17 +185,17 @@ class PathCommand(OnProblem):
             until=self.ends,
             constant=tuple(self.constant or ()),
         )
-        found = watched(path(session.stated.problem, options))
-        print_head(session, found.problem)
-        _print_path(found)
-        quantity = fitting_quantity(found) if self.quantity is None else self.quantity
-        record = path_record(found, quantity)
+        load_path = watched(path(session.stated.problem, options))
+        print_head(session, load_path.problem)
+        _print_path(load_path)
+        quantity = fitting_quantity(load_path) if self.quantity is None else self.quantity
+        record = path_record(load_path, quantity)
         for point in record["points"]:
             point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
         units = session.stated.units
         unit = units.force if "force" in quantity else units.length
-        draw = partial(plot_path, found, quantity=quantity, title=session.title, unit=unit)
-        return Done({"--json": record, "--plot": draw}, found.reached_end, found.interrupted)
+        draw = partial(plot_path, load_path, quantity=quantity, title=session.title, unit=unit)
+        return Done({"--json": record, "--plot": draw}, load_path.reached_end, load_path.interrupted)
 
 
 def _named_value(text: str) -> tuple[str, float]:
@@ -264,18 +271,18 @@ class BracketCommand(OnProblem):
         session = self.session
         check_drawable(session.stated, None, self.colour)
         options = BracketOptions(self.upto, session.controls.max_time, tuple(self.constant or ()))
-        found = watched(bracket(session.stated.problem, options))
-        print_head(session, found.solution.problem)
-        print(f"\n{found}")
+        load_bracket = watched(bracket(session.stated.problem, options))
+        print_head(session, load_bracket.solution.problem)
+        print(f"\n{load_bracket}")
         record = {
             "problem": session.stated.name,
-            "upto": found.upto,
-            "carried": found.carried,
-            "not_carried": found.not_carried,
-            "fold": found.fold,
-            "ended": found.ended.value,
-            "tried": found.tried,
-            "solution": solution_record(found.solution),
+            "upto": load_bracket.upto,
+            "carried": load_bracket.carried,
+            "not_carried": load_bracket.not_carried,
+            "fold": load_bracket.fold,
+            "ended": load_bracket.ended.value,
+            "tried": load_bracket.tried,
+            "solution": solution_record(load_bracket.solution),
         }
-        pictures = pictures_of(session, found.solution, None, self.colour)
-        return Done({"--json": record, **pictures}, found.complete, found.ended is Status.INTERRUPTED)
+        pictures = pictures_of(session, load_bracket.solution, None, self.colour)
+        return Done({"--json": record, **pictures}, load_bracket.complete, load_bracket.ended is Status.INTERRUPTED)

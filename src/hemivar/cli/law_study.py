@@ -157,11 +157,11 @@ def _check_reach(reach: float | None, what: str) -> None:
 def _print_examples(examples: Mapping[str, Value]) -> None:
     """Say which values are examples."""
     if examples:
-        told = "  ".join(
+        values = "  ".join(
             f"{key}={','.join(f'{x:g}' for x in value) if isinstance(value, tuple) else value}"
             for key, value in examples.items()
         )
-        print(f"\nshown with        {told}  (change them with --set)")
+        print(f"\nshown with        {values}  (change them with --set)")
 
 
 def _drawn(curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw, reach: float | None) -> Figure:
@@ -189,13 +189,15 @@ def _print_entry(entry: LawEntry) -> None:
         print(f"      {entry.formula}")
     print(f'      {entry.kind} = {{ law = "{entry.name}"{required} }}')
     for p in entry.parameters:
-        said = p.said
+        stated = p.said
         value = f'"{p.default}"' if isinstance(p.default, str) else f"{p.default:g}" if p.default is not None else ""
         default = f", default {value}" if value else "" if p.required else ", may be left out"
-        lowest = ", positive" if said.above is not None else "" if said.least is None else f", at least {said.least:g}"
-        unit = f" [{said.unit}]" if said.unit else ""
-        form = "a list, " if said.form is Form.LIST else ""
-        print(f"      {p.key:<11} {form}{said.says}{unit}{lowest}{default}")
+        lowest = (
+            ", positive" if stated.above is not None else "" if stated.least is None else f", at least {stated.least:g}"
+        )
+        unit = f" [{stated.unit}]" if stated.unit else ""
+        form = "a list, " if stated.form is Form.LIST else ""
+        print(f"      {p.key:<11} {form}{stated.says}{unit}{lowest}{default}")
 
 
 def _list_materials() -> None:

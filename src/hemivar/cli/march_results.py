@@ -67,14 +67,14 @@ class HistoryCommand(Command):
         from hemivar.files.history_table import read_history_table
         from hemivar.report.march_figures import plot_march
 
-        found = read_history_table(self.table)
+        columns = read_history_table(self.table)
         for name in self._chosen:
-            if name not in found:
-                raise ProblemError(f"--columns {name}: the table has no such column{suggest(name, list(found))}")
+            if name not in columns:
+                raise ProblemError(f"--columns {name}: the table has no such column{suggest(name, list(columns))}")
         if self.plot is None:
-            _list_columns(found, self._chosen or list(found))
+            _list_columns(columns, self._chosen or list(columns))
         kind, units = self._figure, _units(self.units)
-        return Done({"--plot": partial(plot_march, found, kind, columns=self._chosen, units=units)})
+        return Done({"--plot": partial(plot_march, columns, kind, columns=self._chosen, units=units)})
 
 
 def _units(names: str | None) -> Units:
@@ -85,20 +85,20 @@ def _units(names: str | None) -> Units:
     return Units(*given)
 
 
-def _list_columns(found: Mapping[str, Array], names: list[str]) -> None:
+def _list_columns(columns: Mapping[str, Array], names: list[str]) -> None:
     """Least, greatest and last value of columns; what was not looked for (nan) is neither."""
     import numpy as np
 
     from hemivar.report.tables import Table
 
-    times = found["time"]
+    times = columns["time"]
     print(f"rows              {len(times)}, t = {times[0]:g} to {times[-1]:g}")
 
     def row(name: str) -> tuple[object, ...]:
-        values = found[name][~np.isnan(found[name])]
+        values = columns[name][~np.isnan(columns[name])]
         if not values.size:
             return name, "", "", ""
-        last = found[name][-1]
+        last = columns[name][-1]
         return name, f"{values.min():.6g}", f"{values.max():.6g}", "" if np.isnan(last) else f"{last:.6g}"
 
     print_table(console(), Table(("column", "least", "greatest", "last"), tuple(map(row, names))))
@@ -174,9 +174,9 @@ class AnimateCommand(Command):
             from hemivar.files.film import read_film
 
             return read_film(self.file), _units(self.units), lambda: Exit.CONVERGED
-        (found, _), stated = self.march.march(), self.march.session.stated
+        (history, _), stated = self.march.march(), self.march.session.stated
         units = stated.units if self.units is None else _units(self.units)
-        return found, units, partial(code_of, found, stated.name)
+        return history, units, partial(code_of, history, stated.name)
 
 
 class _FilmedMarch(MarchCommand):

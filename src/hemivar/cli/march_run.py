@@ -1,4 +1,4 @@
-"""``hemivar march``: its options, what it writes, how it ends."""
+"""``hemivar march``, time integration: its options, what it writes, how it ends."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def stated_outputs(stated: ProblemFile, given: Mapping[str, Path | None]) -> dic
     """Files to write by option, ``--checkpoint`` among them: those given, else those of the table ``[output]``."""
     from hemivar.evolution import Checkpoint
 
-    found = dict(given)
+    outputs = dict(given)
     kept = None if stated.time is None else stated.time.march.checkpoint
     for what, name in (
         ("--fields", stated.output.fields),
@@ -121,9 +121,9 @@ def stated_outputs(stated: ProblemFile, given: Mapping[str, Path | None]) -> dic
         ("--animation", stated.output.animation),
         ("--checkpoint", kept.file if isinstance(kept, Checkpoint) else None),
     ):
-        if found.get(what) is None and name is not None:
-            found[what] = Path(name)
-    return found
+        if outputs.get(what) is None and name is not None:
+            outputs[what] = Path(name)
+    return outputs
 
 
 def check_tools(outputs: Mapping[str, Path | None]) -> None:
@@ -159,7 +159,7 @@ class MarchCommand(MarchOptions, OnProblem):
     engine: opt.EngineName = ENGINES[0]
 
     @cached_property
-    def place(self) -> Engine:
+    def backend(self) -> Engine:
         """The engine that is asked for."""
         return engine_named(self.engine, "--fields")
 
@@ -188,7 +188,7 @@ class MarchCommand(MarchOptions, OnProblem):
     def session(self) -> Session:
         """The problem file, read."""
         return Session(
-            self.problem, self.named, rtol=self.rtol, given=self.given, engine=self.place, code=self.allow_code
+            self.problem, self.named, rtol=self.rtol, given=self.given, engine=self.backend, code=self.allow_code
         )
 
     def work(self) -> Done:
@@ -200,20 +200,20 @@ class MarchCommand(MarchOptions, OnProblem):
         from hemivar.workflows import result_of
         from hemivar.workflows.marching import evolution_of
 
-        session, writer, place = self.session, self.writer, self.place
-        evolution, plan = place.agree(lambda: (evolution_of(session.stated), self._planned()))
+        session, writer, backend = self.session, self.writer, self.backend
+        evolution, plan = backend.agree(lambda: (evolution_of(session.stated), self._planned()))
         view = MarchView(
             lambda discrete: print_head(session, discrete.problem), self._series, writer.failed, self.quiet
         )
-        with view, place.asked_to_end() as asked, protecting(writer.inputs):
+        with view, backend.asked_to_end() as asked, protecting(writer.inputs):
             try:
-                found = result_of(place.marching(evolution, plan), lambda event: view(event) or asked())
-            except place.refusals as error:
+                history = result_of(backend.marching(evolution, plan), lambda event: view(event) or asked())
+            except backend.refusals as error:
                 raise naming_file(error, session.stated.name) from error
-        print_history(found)
-        if found.unkept:
-            writer.failed.append(f"--checkpoint: {found.unkept}")
-        return found, view.series
+        print_history(history)
+        if history.unkept:
+            writer.failed.append(f"--checkpoint: {history.unkept}")
+        return history, view.series
 
     def _planned(self) -> March:
         """How it is computed, once its files could be written, those that the problem file names among them."""
@@ -230,9 +230,9 @@ class MarchCommand(MarchOptions, OnProblem):
     def _series(self, discrete: DiscreteEvolution) -> Series | None:
         """What writes frames while they come."""
         fields = self.outputs.get("--fields")
-        return None if fields is None else self.place.series(fields, discrete)
+        return None if fields is None else self.backend.series(fields, discrete)
 
-    def _files(self, found: History, series: Series | None) -> Files:
+    def _files(self, history: History, series: Series | None) -> Files:
         from hemivar.files.history_table import write_history_json
 
         units, title = self.session.stated.units, self.session.title
@@ -240,20 +240,20 @@ class MarchCommand(MarchOptions, OnProblem):
         def fields(path: Path) -> tuple[Path, ...]:
             from hemivar.files.series import numbered
 
-            return (series or self.place.series(path, found.discrete)).finish(numbered(found))
+            return (series or self.backend.series(path, history.discrete)).finish(numbered(history))
 
         def plot() -> Figure:
             from hemivar.report import plot_march
 
-            return plot_march(found, "ledger", title=title, units=units)
+            return plot_march(history, "ledger", title=title, units=units)
 
         return {
-            "--table": found.write,
-            "--json": lambda path: write_history_json(found, path, units.record()),
+            "--table": history.write,
+            "--json": lambda path: write_history_json(history, path, units.record()),
             "--fields": fields,
             "--plot": plot,
             "--animation": film_of(
-                partial(self.place.film, found, self.outputs["--fields"]),
+                partial(self.backend.film, history, self.outputs["--fields"]),
                 self.quiet,
                 title=title,
                 unit=units.length,
@@ -270,9 +270,9 @@ def film_of(film: Callable[[], Film | History], quiet: bool, **options: Any) -> 
 
         with Bar(quiet) as bar:
 
-            def tell(now: int, count: int) -> None:
+            def show(now: int, count: int) -> None:
                 bar.show(f"frame {now} of {count}", now / count)
 
-            animate(film(), file, progress=tell, **options)
+            animate(film(), file, progress=show, **options)
 
     return draw

@@ -1,4 +1,4 @@
-"""A march as it is shown: its steps while it goes, a bar on a terminal, and the summary."""
+"""A march (time integration) as it is shown: its steps while it goes, a bar on a terminal, and the summary."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MarchView", "code_of", "print_history"]
 
+#: Events and messages that are printed, so that the summary stays on one screen; --json has all.
 _SHOWN = 8
-#: Without a terminal a line is printed for steps this part of the whole apart.
-_APART = 0.05
 
 
 class MarchView:
@@ -40,7 +39,7 @@ class MarchView:
         self.series: Series | None = None
         self._head, self._begin_series = head, begin
         self._bar = Bar(quiet)
-        self._told = -math.inf
+        self._printed = -math.inf
         self._warned = False
 
     def __enter__(self) -> MarchView:
@@ -88,11 +87,12 @@ class MarchView:
         what = f"{row.time:.6g}   length {row.step:.3g}   residual {row.residual:.1e}   left {left}"
         if self._bar.drawn:
             self._bar.show(f"t {what}", done)
-        elif done - self._told >= _APART or event.stepped.happened or row.jumped or done >= 1.0:
-            if self._told < 0.0:
+        # without a terminal a line for each twentieth of the time
+        elif done - self._printed >= 0.05 or event.stepped.happened or row.jumped or done >= 1.0:
+            if self._printed < 0.0:
                 head = f"{'step':>7}  {'time':>11}  {'length':>9}  {'residual':>9}  {'margin':>8}  {'normal force':>13}"
                 print(f"\n{head}  left")
-            self._told = done
+            self._printed = done
             force = row.values["normal_force"]
             line = f"{event.stepped.state.index:>7}  {row.time:>11.6g}  {row.step:>9.3g}  {row.residual:>9.2e}"
             happened = ", ".join((*event.stepped.happened, *(("jumped",) if row.jumped else ())))
@@ -110,27 +110,27 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 3600.0:.1f} h"
 
 
-def print_history(found: History) -> None:
+def print_history(history: History) -> None:
     """The summary of a march."""
     out = console()
-    steps = len(found.rows) - 1
+    steps = len(history.rows) - 1
     out.print("\nstatus            ", end="")
-    out.print(found.ended, style="bold green" if found.finished else "bold red", end="")
-    taken = int(found["solver_steps"].sum())
-    others = int(found["fallbacks"].sum()) if "fallbacks" in found.columns else 0
+    out.print(history.ended, style="bold green" if history.finished else "bold red", end="")
+    taken = int(history["solver_steps"].sum())
+    others = int(history["fallbacks"].sum()) if "fallbacks" in history.columns else 0
     solved = f"{taken} of the solver" + (f", {others} fallbacks" if others else "")
-    out.print(f" at t = {found.state.time:g} after {steps} steps ({solved}), {len(found.frames)} frames")
+    out.print(f" at t = {history.state.time:g} after {steps} steps ({solved}), {len(history.frames)} frames")
     if not steps:
         return
-    print(f"worst residual    {found.residual:.1e}")
-    print(f"least margin      {found.margin:.6g}{'; ' if found.margin <= 0.0 else ', '}{found.uniqueness}")
-    if "load_factor" in found.columns:
-        factors = found["load_factor"]
+    print(f"worst residual    {history.residual:.1e}")
+    print(f"least margin      {history.margin:.6g}{'; ' if history.margin <= 0.0 else ', '}{history.uniqueness}")
+    if "load_factor" in history.columns:
+        factors = history["load_factor"]
         print(f"load factor       {factors[-1]:.6g} at the end, at most {factors.max():.6g}")
-    ledger = found.ledger
+    ledger = history.ledger
     given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
     given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []
-    given += [f"{found.state.ledger.start:.6g} at the start"] if found.state.ledger.start else []
+    given += [f"{history.state.ledger.start:.6g} at the start"] if history.state.ledger.start else []
     print(f"external work     {', '.join(given)}")
     kinds = {
         "stored": ("elastic", "branches", "contact", "kinetic"),
@@ -142,29 +142,29 @@ def print_history(found: History) -> None:
     largest = max(abs(value) for name, value in ledger.items() if name != "gap")
     part = abs(ledger["gap"]) / largest if largest > 0.0 else 0.0
     print(f"balance error     {ledger['gap']:.1e}, {part:.0e} of the largest entry")
-    print(f"error in time     {found.time_error.words}")
-    if "error_sum" in found.columns:
-        sums = found["error_sum"][-1], found["contact_error_sum"][-1]
+    print(f"error in time     {history.time_error.words}")
+    if "error_sum" in history.columns:
+        sums = history["error_sum"][-1], history["contact_error_sum"][-1]
         print(f"errors of steps   add up to {sums[0]:.2g} in the energy norm, {sums[1]:.2g} at the contact points")
-    for when, name in found.events[:_SHOWN]:
+    for when, name in history.events[:_SHOWN]:
         print(f"event             {name} at t = {when:.6g}")
-    if len(found.events) > _SHOWN:
-        print(f"                  (of {len(found.events)} events; --json FILE holds all)")
-    for message in found.messages[:_SHOWN]:
+    if len(history.events) > _SHOWN:
+        print(f"                  (of {len(history.events)} events; --json FILE holds all)")
+    for message in history.messages[:_SHOWN]:
         print(f"note              {shown(message)}")
     sys.stdout.flush()
 
 
-def code_of(found: History, name: str) -> Exit:
+def code_of(history: History, name: str) -> Exit:
     """The exit code of a march of a problem file; says on standard error where and why it ended too early."""
-    if found.finished:
+    if history.finished:
         return Exit.CONVERGED
-    if found.ended == "interrupted":
+    if history.ended == "interrupted":
         return Exit.INTERRUPTED
     sys.stdout.flush()
-    if found.ended == "refused":
-        why = found.messages[-1].removeprefix(f"{name}: ")
-        sys.stderr.write(f"hemivar: error: {one_line(f'{name}: after t = {found.state.time:g}: {why}')}\n")
+    if history.ended == "refused":
+        why = history.messages[-1].removeprefix(f"{name}: ")
+        sys.stderr.write(f"hemivar: error: {one_line(f'{name}: after t = {history.state.time:g}: {why}')}\n")
         return Exit.BAD_INPUT
-    sys.stderr.write(f"hemivar: not finished: {found.ended} at t = {found.state.time:g}\n")
+    sys.stderr.write(f"hemivar: not finished: {history.ended} at t = {history.state.time:g}\n")
     return Exit.NOT_CONVERGED

@@ -59,7 +59,9 @@ __all__ = [
     "written",
 ]
 
+#: A residual of a hundredth of the load is no solution: forces are off by as much.
 _LARGEST_RTOL = 1e-2
+#: Squares of loads up to this one are below the largest number, 1.8e308.
 _LARGEST_FACTOR = 1e100
 #: Most processes that can be asked for.
 MOST_JOBS = 256

@@ -173,7 +173,7 @@ class Writer:
         self.written: list[Path] = []
         self.failed: list[str] = []
         self.interrupted = False
-        self._said = 0
+        self._complained = 0
 
     def write(self, option: str, path: Path | None, task: Callable[[Path], object], *, picture: bool = False) -> None:
         """Let ``task`` write ``path``, if there is one; it may return the files it wrote, in a list or a tuple."""
@@ -213,7 +213,7 @@ class Writer:
         else:
             self.write(option, path, task, picture=option in ("--animation", "--output"))
 
-    def tell(self) -> None:
+    def print_names(self) -> None:
         """Print the names of the files that were written."""
         if self.written:
             print(f"written           {', '.join(map(shown, self.written))}", flush=True)
@@ -227,9 +227,9 @@ class Writer:
     def complain(self) -> bool:
         """One line on standard error, once, for each file that could not be written; whether there was one."""
         sys.stdout.flush()
-        while self._said < len(self.failed):
-            sys.stderr.write(f"hemivar: error: {one_line(self.failed[self._said])}\n")
-            self._said += 1
+        while self._complained < len(self.failed):
+            sys.stderr.write(f"hemivar: error: {one_line(self.failed[self._complained])}\n")
+            self._complained += 1
         return bool(self.failed)
 
 

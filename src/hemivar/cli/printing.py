@@ -88,8 +88,8 @@ class SolveView:
             case MethodEvent(solver, reason):
                 print(f"method            {solver.name}")
                 if reason:
-                    told = reason if self.verbose else reason.partition("; predicted:")[0]
-                    print(f"chosen            {told}", flush=True)
+                    reason_shown = reason if self.verbose else reason.partition("; predicted:")[0]
+                    print(f"chosen            {reason_shown}", flush=True)
             case StartEvent(problem, _, count) if not self.quiet:
                 level = ""
                 if count > 1 and problem.field is not None:
@@ -166,10 +166,10 @@ class StageView(Bar):
                 if not self.drawn:
                     print(name, flush=True)
                 self.show(name, number, count)
-            case SearchProgress(starts, found, planned):
+            case SearchProgress(starts, count, planned):
                 tried = f"{starts} of {planned} starts" if starts < planned else f"{starts} starts" if starts else ""
-                told = (tried, f"{found} solution{'' if found == 1 else 's'}", self._left(starts, planned))
-                self.show(", ".join(part for part in told if part), starts, planned or None)
+                parts = (tried, f"{count} solution{'' if count == 1 else 's'}", self._left(starts, planned))
+                self.show(", ".join(part for part in parts if part), starts, planned or None)
             case PathProgress(points, load_factor):
                 self.show(f"{points} points, load factor {load_factor:.4g}", total=None)
             case Reached(tried=tried):
@@ -261,7 +261,7 @@ def print_summary(
     solution: Solution,
     certificate: Certificate | None,
     units: Units,
-    said: Sequence[str] = (),
+    printed: Sequence[str] = (),
 ) -> None:
     """Print what was found, without the warnings that were said before."""
     from hemivar.report.summary import summary_of
@@ -273,9 +273,9 @@ def print_summary(
     console.print(f"\n{label}", end="")
     console.print(status, style=style, end="")
     console.print(rest, soft_wrap=True)
-    print_unsaid(others, said)
+    print_unsaid(others, printed)
 
 
-def print_unsaid(lines: Iterable[str], said: Sequence[str]) -> None:
+def print_unsaid(lines: Iterable[str], printed: Sequence[str]) -> None:
     """Print lines without the warnings that were said before."""
-    print("\n".join(line for line in lines if line.removeprefix("warning").strip() not in said))
+    print("\n".join(line for line in lines if line.removeprefix("warning").strip() not in printed))

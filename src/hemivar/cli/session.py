@@ -45,7 +45,7 @@ class Session:
         def checked() -> list[Change]:
             check_outputs(outputs, path, engine.pieces)
             check_limits(rtol, max_time, max_steps)
-            return [one if isinstance(one, Change) else read_change(one) for one in given or ()]
+            return [change if isinstance(change, Change) else read_change(change) for change in given or ()]
 
         changes = engine.agree(checked)
         with noting_files_read() as read:
@@ -90,11 +90,11 @@ class Session:
         self.keep = given["--checkpoint"]
         return self.keep
 
-    def tell_kept(self, found: Study | Sweep, done: str) -> None:
+    def print_kept(self, result: Study | Sweep, done: str) -> None:
         """Print where work is kept, or why it is not, and of interrupted work how much is done."""
-        unkept = found.unkept
+        unkept = result.unkept
         print(f"not kept          {one_line(unkept)}" if unkept else f"kept              {shown(self.keep)}")
-        if found.interrupted:
+        if result.interrupted:
             print(f"interrupted: {done}; run the same command to continue")
 
     def discrete(self, mesh: Mesh | None = None, load_factor: float | None = None) -> DiscreteProblem:

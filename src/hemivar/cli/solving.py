@@ -1,4 +1,4 @@
-"""``hemivar solve``, on one mesh or on meshes that are refined until the error is known to be small."""
+"""``hemivar solve``, on one mesh or adaptively: meshes are refined until the error estimate is small."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class SolveCommand(OnProblem):
     given: opt.Given = None
 
     @cached_property
-    def place(self) -> Engine:
+    def backend(self) -> Engine:
         """The engine that is asked for."""
         return engine_named(self.engine, "--json", "--vtu")
 
@@ -143,28 +143,31 @@ class SolveCommand(OnProblem):
         view = SolveView(self.quiet, self.verbose)
         method, failed = session.solver(self.method), self.writer.failed
         asked = Asked(method, session.controls, bool(self.exact), self.checkpoint, self.resume, failed)
-        found: RunResult | None = None
+        result: RunResult | None = None
         try:
-            found = self.place.solved(asked, discrete, coarser, view)
-            if found.complaint and not found.interrupted:
-                self.writer.failed.append(f"the solution could not be certified: {found.complaint}")
-            print_summary(console(), found.solution, found.certificate, stated.units, discrete.notes)
+            result = self.backend.solved(asked, discrete, coarser, view)
+            if result.complaint and not result.interrupted:
+                self.writer.failed.append(f"the solution could not be certified: {result.complaint}")
+            print_summary(console(), result.solution, result.certificate, stated.units, discrete.notes)
         except BaseException:  # whatever happens, what was computed is written
             if view.solution is not None:
-                self.write(self._files(found or RunResult(view.solution, None)))
+                self.write(self._files(result or RunResult(view.solution, None)))
                 self.writer.complain()
             raise
-        if found.interrupted or found.solution.status.value == "converged":
-            return Done(self._files(found), interrupted=found.interrupted)
-        return Done(self._files(found), False, last=partial(self._not_converged, found.solution))
+        if result.interrupted or result.solution.status.value == "converged":
+            return Done(self._files(result), interrupted=result.interrupted)
+        return Done(self._files(result), False, last=partial(self._not_converged, result.solution))
 
-    def _files(self, found: RunResult) -> Files:
+    def _files(self, result: RunResult) -> Files:
         """Data before pictures, and what may end the process last."""
-        solution, certificate, units = found.solution, found.certificate, self.writer.units
+        solution, certificate, units = result.solution, result.certificate, self.writer.units
         more = {"units": units} if units else None
         return {
-            "--json": lambda path: [self.place.write_json(solution, path, certificate, more, self.arrays), self.arrays],
-            "--vtu": lambda path: self.place.write_vtu(solution, path),
+            "--json": lambda path: [
+                self.backend.write_json(solution, path, certificate, more, self.arrays),
+                self.arrays,
+            ],
+            "--vtu": lambda path: self.backend.write_vtu(solution, path),
             **pictures_of(self.session, solution, certificate, self.colour),
         }
 
@@ -229,8 +232,7 @@ def pictures_of(session: Session, solution: Solution, certificate: Certificate |
     return {"--plot": body, "--plot-contact": contact}
 
 
-_GIB = 2.0**30
-#: Parts of the whole that are rounding.
+#: Parts of the whole below which a share is shown as 0 %: machine precision times thousands of operations.
 _ROUNDING = 1e-12
 
 
@@ -319,52 +321,52 @@ class _AdaptiveCommand(OnProblem):
             asked.goal,
             max_unknowns=asked.max_unknowns or AdaptOptions.max_unknowns,
             max_time=asked.max_time or math.inf,
-            max_memory=(asked.max_memory or math.inf) * _GIB,
+            max_memory=(asked.max_memory or math.inf) * 2.0**30,
             method=session.solver(asked.method),
             controls=controls_of(stated, asked.rtol, max_steps=asked.max_steps),
         )
         print_head(session, session.discrete())
         try:
-            found = result_of(adapt(stated.problem, options), _AdaptView(asked.quiet))
+            result = result_of(adapt(stated.problem, options), _AdaptView(asked.quiet))
         except ProblemError as error:
             raise naming_file(error, stated.name) from error
-        if found.complaint and not found.interrupted:
-            self.writer.failed.append(f"the solution could not be certified: {found.complaint}")
+        if result.complaint and not result.interrupted:
+            self.writer.failed.append(f"the solution could not be certified: {result.complaint}")
         try:
-            self._print(found)
+            self._print(result)
         except BaseException:  # whatever happens, what was computed is written
-            self.write(self._files(found))
+            self.write(self._files(result))
             self.writer.complain()
             raise
-        reached = found.interrupted or found.adaptive.ended in (AdaptiveEnd.REACHED, AdaptiveEnd.ESTIMATED)
-        last = self.writer.complain if reached else partial(self._not_reached, found.adaptive)
-        return Done(self._files(found), reached, found.interrupted, last)
+        reached = result.interrupted or result.adaptive.ended in (AdaptiveEnd.REACHED, AdaptiveEnd.ESTIMATED)
+        last = self.writer.complain if reached else partial(self._not_reached, result.adaptive)
+        return Done(self._files(result), reached, result.interrupted, last)
 
     def _print(self, result: AdaptResult) -> None:
         """What was found on the last mesh, and how it ended."""
-        found = result.adaptive
-        print_summary(console(), found.solution, result.certificate, self.session.stated.units)
+        adaptive = result.adaptive
+        print_summary(console(), adaptive.solution, result.certificate, self.session.stated.units)
         if result.certificate is None:
             from hemivar.bounds.exact_certificate import statement_of
 
-            print("\n".join(statement_of(found.distance).lines()))
-        if found.goal is not None:
+            print("\n".join(statement_of(adaptive.distance).lines()))
+        if adaptive.goal is not None:
             label = "goal"
-            for line in found.goal.lines():
+            for line in adaptive.goal.lines():
                 print(f"{label:<18}{line}")
                 label = ""
-            for reason in found.goal.reasons:
+            for reason in adaptive.goal.reasons:
                 print(f"{'':<18}because {reason}")
-        order = f", bound of order {found.rate:.2g} in the unknowns" if math.isfinite(found.rate) else ""
-        print(f"adaptive          {found.ended} after {len(found.levels)} meshes{order}")
-        print(f"{'':<18}{found.remedy}", flush=True)
+        order = f", bound of order {adaptive.rate:.2g} in the unknowns" if math.isfinite(adaptive.rate) else ""
+        print(f"adaptive          {adaptive.ended} after {len(adaptive.levels)} meshes{order}")
+        print(f"{'':<18}{adaptive.remedy}", flush=True)
 
-    def _files(self, found: AdaptResult) -> Files:
+    def _files(self, result: AdaptResult) -> Files:
         from hemivar.files import write_json, write_vtu
         from hemivar.report import plot_adaptive, plot_meshes
         from hemivar.report.tables import adaptive_table
 
-        adaptive, certificate, title = found.adaptive, found.certificate, self.session.title
+        adaptive, certificate, title = result.adaptive, result.certificate, self.session.title
         arrays = self.asked.arrays
         more, cells = {"adaptive": adaptive.record()}, {"indicator": adaptive.levels[-1].indicator}
         return {
@@ -376,15 +378,15 @@ class _AdaptiveCommand(OnProblem):
             **pictures_of(self.session, adaptive.solution, certificate, self.asked.colour),
         }
 
-    def _not_reached(self, found: AdaptiveSolution) -> None:
+    def _not_reached(self, adaptive: AdaptiveSolution) -> None:
         """Say on standard error what was not reached."""
         self.writer.complain()
-        last = found.levels[-1]
+        last = adaptive.levels[-1]
         what = "distance" if last.goal is None else last.goal.goal.name
         size = f"{what} within {_percent(last.relative)}" if math.isfinite(last.relative) else f"{what} not bounded"
         sys.stderr.write(
-            f"hemivar: not reached: {found.ended} with {last.unknowns} unknowns, {size}, asked for "
-            f"{_percent(found.rtol)}: {found.remedy}\n"
+            f"hemivar: not reached: {adaptive.ended} with {last.unknowns} unknowns, {size}, asked for "
+            f"{_percent(adaptive.rtol)}: {adaptive.remedy}\n"
         )
 
 

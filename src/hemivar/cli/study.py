@@ -1,4 +1,4 @@
-"""``hemivar study``, ``sweep`` and ``identify``: a problem on many meshes, for many parameters, against a curve."""
+"""``hemivar study``, ``sweep`` and ``identify``: mesh convergence, parameter sweeps, fits to a measured curve."""
 
 from __future__ import annotations
 
@@ -81,46 +81,46 @@ class StudyCommand(OnProblem):
         options = replace(options, checkpoint=session.kept("study", lambda: study_digest(first, options)))
         print_title(stated, stated.changes)
         try:
-            found = watched(studying(first, options))
+            study = watched(studying(first, options))
         except FileError:
             raise
         except HemivarError as error:
             raise naming_file(error, stated.name) from error
         print()
-        print_table(console(), study_table(found, brief=True, units=stated.units))
-        _print_orders(found)
-        _print_bounds(found)
-        draw = partial(plot_study, found, title=session.title, unit=stated.units.length)
+        print_table(console(), study_table(study, brief=True, units=stated.units))
+        _print_orders(study)
+        _print_bounds(study)
+        draw = partial(plot_study, study, title=session.title, unit=stated.units.length)
         files: Files = {
-            "--csv": study_table(found, units=stated.units).write_csv,
-            "--latex": study_table(found, stated.problem.title, units=stated.units).write_latex,
-            "--json": _record(found, stated.name),
-            **({"--plot": draw} if found.quantities else {}),
+            "--csv": study_table(study, units=stated.units).write_csv,
+            "--latex": study_table(study, stated.problem.title, units=stated.units).write_latex,
+            "--json": _record(study, stated.name),
+            **({"--plot": draw} if study.quantities else {}),
         }
-        done = f"{len(found.levels)} of {self.refine + 1} meshes are done"
-        reached = found.converged and len(found.levels) == self.refine + 1
-        return Done(files, reached, found.interrupted, partial(session.tell_kept, found, done))
+        done = f"{len(study.levels)} of {self.refine + 1} meshes are done"
+        reached = study.converged and len(study.levels) == self.refine + 1
+        return Done(files, reached, study.interrupted, partial(session.print_kept, study, done))
 
 
-def _print_orders(found: Study) -> None:
+def _print_orders(study: Study) -> None:
     """Print what the errors are of, and the fitted orders."""
-    print(f"reference         {found.reference}")
-    for name in found.quantities:
-        order = found.orders[name]
-        told = "too few meshes for an order" if math.isnan(order) else f"order {order:.2f}"
-        finest = [value for value in found.relative(name) if not math.isnan(value)]
-        print(f"{name:<18}{told}" + (f", relative error {finest[-1]:.3g}" if finest else ""))
+    print(f"reference         {study.reference}")
+    for name in study.quantities:
+        order = study.orders[name]
+        fitted = "too few meshes for an order" if math.isnan(order) else f"order {order:.2f}"
+        finest = [value for value in study.relative(name) if not math.isnan(value)]
+        print(f"{name:<18}{fitted}" + (f", relative error {finest[-1]:.3g}" if finest else ""))
 
 
-def _print_bounds(found: Study) -> None:
+def _print_bounds(study: Study) -> None:
     """Print the bound on the finest mesh, or why there is none."""
-    level = found.levels[-1]
+    level = study.levels[-1]
     if math.isnan(level.bound):
         return
     if math.isfinite(level.bound):
-        norm = found.norms["energy"]
+        norm = study.norms["energy"]
         relative = f", relative {level.bound / norm:.3g}" if norm > 0.0 else ""
-        print(f"{found.kind_of_bound:<18}{level.bound:.3g} in the energy norm on the finest mesh{relative}")
+        print(f"{study.kind_of_bound:<18}{level.bound:.3g} in the energy norm on the finest mesh{relative}")
         if level.conditions:
             print(f"                  if {' and '.join(level.conditions)}")
         return
@@ -138,7 +138,7 @@ def _bound_record(level: StudyLevel) -> Record:
     return {"guaranteed_bound": level.bound if math.isfinite(level.bound) else None}
 
 
-def _record(found: Study, name: str) -> Record:
+def _record(study: Study, name: str) -> Record:
     """A study as plain numbers and lists."""
 
     def plain(value: float) -> float | None:
@@ -149,25 +149,22 @@ def _record(found: Study, name: str) -> Record:
             "h": level.size,
             "unknowns": level.solution.problem.unknowns,
             "status": level.solution.status.value,
-            "errors": {quantity: plain(getattr(level, quantity)) for quantity in found.quantities},
-            "orders": {quantity: plain(found.steps(quantity)[number]) for quantity in found.quantities},
+            "errors": {quantity: plain(getattr(level, quantity)) for quantity in study.quantities},
+            "orders": {quantity: plain(study.steps(quantity)[number]) for quantity in study.quantities},
             **_bound_record(level),
             "energy": plain(level.solution.energy),
             "normal_force": plain(level.solution.normal_force) if level.solution.problem.contact_points else None,
         }
-        for number, level in enumerate(found.levels)
+        for number, level in enumerate(study.levels)
     ]
     return {
         "problem": name,
-        "reference": found.reference,
-        "norms": {quantity: plain(found.norms[quantity]) for quantity in found.quantities},
-        "orders": {quantity: plain(found.orders[quantity]) for quantity in found.quantities},
-        "interrupted": found.interrupted,
+        "reference": study.reference,
+        "norms": {quantity: plain(study.norms[quantity]) for quantity in study.quantities},
+        "orders": {quantity: plain(study.orders[quantity]) for quantity in study.quantities},
+        "interrupted": study.interrupted,
         "meshes": levels,
     }
-
-
-_SHOWN = 40
 
 
 class SweepCommand(OnProblem):
@@ -202,8 +199,8 @@ class SweepCommand(OnProblem):
         from hemivar.workflows.sweep import SweepAxis, read_axis
 
         read = [read_axis(text) for text in self.given or ()]
-        axes = tuple(one for one in read if isinstance(one, SweepAxis))
-        return axes, tuple(one for one in read if not isinstance(one, SweepAxis))
+        axes = tuple(axis for axis in read if isinstance(axis, SweepAxis))
+        return axes, tuple(axis for axis in read if not isinstance(axis, SweepAxis))
 
     def check(self) -> None:
         check_limits(self.rtol, self.max_time)
@@ -229,11 +226,11 @@ class SweepCommand(OnProblem):
             except ProblemError:
                 raise error from None
 
-    def _at(self, place: int) -> Session:
+    def _at(self, index: int) -> Session:
         from hemivar.files.changes import Change
 
         axes, changes = self.ranges
-        values = [*changes, *(Change(axis.key, axis.values[place]) for axis in axes)]
+        values = [*changes, *(Change(axis.key, axis.values[index]) for axis in axes)]
         return Session(self.problem, self.outputs, self.rtol, self.max_time, given=values, code=self.allow_code)
 
     def work(self) -> Done:
@@ -249,26 +246,26 @@ class SweepCommand(OnProblem):
         digest = partial(sweep_digest, self.problem, axes, options)
         options = replace(options, checkpoint=session.kept("sweep", digest))
         print_title(session.stated, changes)
-        told = ", ".join(f"{axis.key} ({len(axis.values)})" for axis in axes)
-        print(f"parameters        {told}: {math.prod(len(axis.values) for axis in axes)} points")
-        found = watched(sweeping(self.problem, axes, options))
-        table = sweep_table(found, units=session.stated.units)
-        if len(table.rows) <= _SHOWN:
-            print_table(console(), table, keys=len(found.axes))
+        ranged = ", ".join(f"{axis.key} ({len(axis.values)})" for axis in axes)
+        print(f"parameters        {ranged}: {math.prod(len(axis.values) for axis in axes)} points")
+        swept = watched(sweeping(self.problem, axes, options))
+        table = sweep_table(swept, units=session.stated.units)
+        if len(table.rows) <= 40:  # which a screen shows
+            print_table(console(), table, keys=len(swept.axes))
         else:
             print(f"                  {len(table.rows)} points are done; --csv writes their table")
-        failed = [point for point in found.points if point.failed]
+        failed = [point for point in swept.points if point.failed]
         if failed:
             print(f"without result    {len(failed)} point{'s' if len(failed) > 1 else ''}; the first: {failed[0].note}")
         title, units = session.stated.problem.title, session.stated.units
-        draw = partial(plot_sweep, found, labels=self.label or (), title=session.title)
+        draw = partial(plot_sweep, swept, labels=self.label or (), title=session.title)
         files: Files = {
             "--csv": table.write_csv,
-            "--latex": sweep_table(found, title, units=units).write_latex,
-            **({"--plot": draw} if found.points else {}),
+            "--latex": sweep_table(swept, title, units=units).write_latex,
+            **({"--plot": draw} if swept.points else {}),
         }
-        done = f"{len(found.points)} of {math.prod(found.shape)} points are done"
-        return Done(files, not failed, found.interrupted, partial(session.tell_kept, found, done))
+        done = f"{len(swept.points)} of {math.prod(swept.shape)} points are done"
+        return Done(files, not failed, swept.interrupted, partial(session.print_kept, swept, done))
 
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -337,40 +334,43 @@ class IdentifyCommand(OnProblem):
         changes, wanted, session = [read_change(text) for text in self.given or ()], self.ranges, self.session
         code = self.allow_code or ()
         if self.law is not None:
-            named = {one.key for one in wanted} | {one.key for one in changes}  # what is set stays as it is set
+            named = {parameter.key for parameter in wanted} | {
+                parameter.key for parameter in changes
+            }  # what is set stays as it is set
             of_law = parameters_of_law(self.problem, self.law, self.contact, code)
-            wanted = [*(one for one in of_law if one.key not in named), *wanted]
+            wanted = [*(parameter for parameter in of_law if parameter.key not in named), *wanted]
         print_title(session.stated)
-        print(f"fit               {', '.join(f'{one.key} ({one.low:.4g} to {one.high:.4g})' for one in wanted)}")
+        ranges = ", ".join(f"{one.key} ({one.low:.4g} to {one.high:.4g})" for one in wanted)
+        print(f"fit               {ranges}")
         work = identifying(
             self.problem, self.data, wanted, self.options, changes=changes, controls=session.controls, code=code
         )
-        found = watched(work)
-        print_table(console(), fit_table(found), keys=1)
-        print(f"misfit            {found.misfit:.2%} of the largest measured value, {found.measurements.count} rows")
+        fit = watched(work)
+        print_table(console(), fit_table(fit), keys=1)
+        print(f"misfit            {fit.misfit:.2%} of the largest measured value, {fit.measurements.count} rows")
         estimated = " (estimated)" if self.noise is None else ""
-        print(f"intervals         {found.confidence:.0%}, noise {found.noise:.2%}{estimated}")
-        for message in found.messages:
+        print(f"intervals         {fit.confidence:.0%}, noise {fit.noise:.2%}{estimated}")
+        for message in fit.messages:
             print(f"note              {message}")
         files: Files = {
-            "--csv": fit_table(found).write_csv,
-            "--latex": fit_table(found, session.stated.problem.title).write_latex,
-            "--json": _fit_record(found),
-            "--plot": partial(plot_fit, found, title=session.title),
+            "--csv": fit_table(fit).write_csv,
+            "--latex": fit_table(fit, session.stated.problem.title).write_latex,
+            "--json": _fit_record(fit),
+            "--plot": partial(plot_fit, fit, title=session.title),
         }
-        return Done(files, all(found.identified))
+        return Done(files, all(fit.identified))
 
 
 def _read(text: str) -> Parameter:
     from hemivar.identification.fit import Parameter
 
-    found = _RANGE.fullmatch(text)
-    if found is None:
+    match = _RANGE.fullmatch(text)
+    if match is None:
         raise ProblemError(f"--fit {text}: give KEY=LOW:HIGH, as in contact.bottom.normal.strength=0.5:5")
-    return Parameter(found["key"], float(found["low"]), float(found["high"]))
+    return Parameter(match["key"], float(match["low"]), float(match["high"]))
 
 
-def _fit_record(found: Fit) -> dict[str, object]:
+def _fit_record(fit: Fit) -> dict[str, object]:
     """All numbers of a fit, null where one is infinite or not known."""
 
     def numbers(values: Array) -> object:
@@ -378,24 +378,24 @@ def _fit_record(found: Fit) -> dict[str, object]:
 
     return {
         "parameters": {
-            one.key: {
-                "value": float(found.values[place]), "interval": numbers(found.intervals[place]),
-                "standard_error": numbers(found.standard_errors[place]), "certified": numbers(found.certified[place]),
-                "identified": found.identified[place], "range": [one.low, one.high],
+            parameter.key: {
+                "value": float(fit.values[k]), "interval": numbers(fit.intervals[k]),
+                "standard_error": numbers(fit.standard_errors[k]), "certified": numbers(fit.certified[k]),
+                "identified": fit.identified[k], "range": [parameter.low, parameter.high],
             }
-            for place, one in enumerate(found.parameters)
+            for k, parameter in enumerate(fit.parameters)
         },
-        "confidence": found.confidence, "noise": found.noise, "misfit": found.misfit,
-        "singular_values": numbers(found.singular_values), "directions": numbers(found.directions),
-        "inputs": {key: numbers(values) for key, values in found.measurements.inputs.items()},
-        "measured": {key: numbers(values) for key, values in found.measurements.measured.items()},
-        "predicted": dict(zip(found.measurements.measured, map(numbers, found.predicted.T), strict=True)),
-        "messages": list(found.messages),
+        "confidence": fit.confidence, "noise": fit.noise, "misfit": fit.misfit,
+        "singular_values": numbers(fit.singular_values), "directions": numbers(fit.directions),
+        "inputs": {key: numbers(values) for key, values in fit.measurements.inputs.items()},
+        "measured": {key: numbers(values) for key, values in fit.measurements.measured.items()},
+        "predicted": dict(zip(fit.measurements.measured, map(numbers, fit.predicted.T), strict=True)),
+        "messages": list(fit.messages),
     }  # fmt: skip
 
 
 def _plain(value: object) -> object:
     """Lists of numbers, null where one is not finite."""
     if isinstance(value, list):
-        return [_plain(one) for one in value]
+        return [_plain(entry) for entry in value]
     return value if isinstance(value, float) and math.isfinite(value) else None

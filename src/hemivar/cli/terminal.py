@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
 import re
 import signal
@@ -17,6 +18,7 @@ from hemivar.basics.disk import shown
 from hemivar.basics.signals import handled
 
 __all__ = [
+    "COALESCE",
     "Stream",
     "guarded_streams",
     "hold_signals",
@@ -28,7 +30,8 @@ __all__ = [
 ]
 
 _SUSPECT = re.compile(r"[^\n\t\x20-\x7e]+")
-_COALESCE = 2.0
+#: Seconds within which several signals are one: senders that end a job send SIGTERM and SIGHUP together.
+COALESCE = 2.0
 
 
 class Stream(io.TextIOBase):
@@ -72,7 +75,7 @@ class Stream(io.TextIOBase):
         """Write a text; returns its length."""
         if self._under is not None and not self._failures:
             if self._filtered:
-                text = _SUSPECT.sub(lambda found: shown(found.group().replace("\xa0", " ")), text)
+                text = _SUSPECT.sub(lambda match: shown(match.group().replace("\xa0", " ")), text)
             try:
                 self._under.write(text)
             except (OSError, ValueError) as error:
@@ -151,7 +154,7 @@ def guarded_streams() -> Iterator[tuple[Stream, Stream]]:
 @contextlib.contextmanager
 def one_voice(speaks: bool) -> Iterator[None]:
     """Inside the block this process of several is heard, and by no terminal, or it is not."""
-    out, err = (one.plain if isinstance(one, Stream) else one for one in (sys.stdout, sys.stderr))
+    out, err = (stream.plain if isinstance(stream, Stream) else stream for stream in (sys.stdout, sys.stderr))
     with (
         contextlib.redirect_stdout(out if speaks else Stream(None)),
         contextlib.redirect_stderr(err if speaks else Stream(None)),
@@ -161,8 +164,9 @@ def one_voice(speaks: bool) -> Iterator[None]:
 
 # ---- signals ---------------------------------------------------------------------------------------------------
 
+#: How many blocks hold signals now, and when the last one came.
 _holding = 0
-_last = -1e9
+_last = -math.inf
 
 
 _pressed = False
@@ -197,7 +201,7 @@ def _press(*_: object) -> None:
 def _interrupt(*_: object) -> None:
     global _last
     now = time.monotonic()
-    if _holding or now - _last < _COALESCE:
+    if _holding or now - _last < COALESCE:
         return
     _last = now
     _press()

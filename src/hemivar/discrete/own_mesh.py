@@ -13,6 +13,7 @@ from hemivar.basics.arrays import real_array, unmasked
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Location", "located", "numbered_field"]
@@ -86,8 +87,9 @@ def located(field: Field, trace: sp.csr_array, points: Array | None, frames: Arr
         return {"points": points, "frames": frames}
     places = field.nodes[node] if points is None else points
     names, boundary = _boundaries(field, node)
-    turned = _frames(field, rows, node, [mesh.boundaries[name] for name in names]) if frames is None else frames
-    return {"points": places, "frames": turned, "node": node, "boundary": boundary, "names": names}
+    if frames is None:
+        frames = _frames(field, rows, node, [boundary_rule(mesh, name, field.order) for name in names])
+    return {"points": places, "frames": frames, "node": node, "boundary": boundary, "names": names}
 
 
 def _nodes(field: Field, trace: sp.csr_array, points: Array | None, m: int) -> tuple[IntArray, Array]:
@@ -114,7 +116,7 @@ def _nodes(field: Field, trace: sp.csr_array, points: Array | None, m: int) -> t
 def _boundaries(field: Field, node: IntArray) -> tuple[tuple[str, ...], IntArray]:
     """The names of the boundaries that contact points lie on, and the place of each point's in them."""
     mesh = field.mesh
-    on = {name: np.isin(node, mesh.facet_nodes(facets, field.order)) for name, facets in mesh.boundaries.items()}
+    on = {name: np.isin(node, boundary_rule(mesh, name, field.order).nodes) for name in mesh.boundaries}
     boundary = np.full(len(node), -1)
     names: list[str] = []
     for name in sorted(on, key=lambda name: -np.count_nonzero(on[name])):
@@ -131,7 +133,7 @@ def _boundaries(field: Field, node: IntArray) -> tuple[tuple[str, ...], IntArray
     return tuple(names), boundary
 
 
-def _frames(field: Field, rows: Array, node: IntArray, facets: list[IntArray]) -> Array:
+def _frames(field: Field, rows: Array, node: IntArray, rules: list[BoundaryRule]) -> Array:
     """Unit vectors of the local components, (m, d, d), normal first: rows of the trace, completed where they vanish."""
     dim = field.mesh.dim
     size = np.linalg.norm(rows, axis=2)
@@ -141,7 +143,7 @@ def _frames(field: Field, rows: Array, node: IntArray, facets: list[IntArray]) -
             "the rows of the trace are not orthogonal unit vectors at the nodes of the contact points; give frames, "
             "(m, d, d), normal first"
         )
-    turned, outward = rows.copy(), _normals(field, node, facets)
+    turned, outward = rows.copy(), _normals(field, node, rules)
     for component in range(dim):
         here = np.flatnonzero(missing[:, component])
         wanted = np.broadcast_to(np.eye(dim), (here.size, dim, dim))
@@ -162,14 +164,11 @@ def _orthogonal(rows: Array) -> bool:
     return bool(np.abs(product - product * np.eye(rows.shape[1])).max(initial=0.0) <= _UNIT)
 
 
-def _normals(field: Field, node: IntArray, facets: list[IntArray]) -> Array:
+def _normals(field: Field, node: IntArray, rules: list[BoundaryRule]) -> Array:
     """Outward normals (m, d) at nodes, the mean of those of the facets around them."""
-    mesh = field.mesh
-    total = np.zeros((field.number_of_nodes, mesh.dim))
-    for some in facets:
-        normal, size = mesh.facet_normals(some)
-        members = mesh.facet_nodes(some, field.order)
-        for k in range(members.shape[1]):
-            np.add.at(total, members[:, k], normal * size[:, None])
+    total = np.zeros((field.number_of_nodes, field.mesh.dim))
+    for rule in rules:
+        nodes, _, summed = rule.summed_normals()
+        total[nodes] += summed
     found = total[node]
     return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1), np.finfo(float).tiny)[:, None])

@@ -1,4 +1,4 @@
-"""Whether an energy bends downwards somewhere on the straight way from one place to another.
+"""Energy barriers: negative curvature of an energy on the segment between two displacements.
 
 The energy is a sum over the body and the contact points.  Along the way each point bends as its law does, which is
 looked at between even places and the knots that the point passes: stiff glue softens and lets go between two of the
@@ -12,6 +12,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.evolution.discrete import EXACT, SOLVED
 from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.solvers import Solution
@@ -20,8 +21,6 @@ __all__ = ["PARTS", "along", "bends_downwards", "path_bends_downwards", "second_
 
 #: Even parts of the way in which the energy is looked at.
 PARTS = 70
-#: Rounding of second derivatives, as a part of their sizes, and of penetrations at the end of a law, as a part of them.
-_ROUNDED, _AT_END = 1e-12, 1e-9
 #: Part of the derivatives along the way by which one that falls at once does.
 _DROPS = 1e-6
 #: Contact points that are looked at together.
@@ -33,7 +32,7 @@ _NONE = 1e-14
 def path_bends_downwards(problem: DiscreteProblem, solution: Solution, start: Array | None = None) -> bool:
     """Whether the energy bends downwards on the way to a solution, beyond rounding; see :func:`along`."""
     bends, size = along(problem, solution, start)
-    return bool((bends < -_ROUNDED * size).any())
+    return bool((bends < -EXACT * size).any())
 
 
 def along(problem: DiscreteProblem, solution: Solution, start: Array | None = None) -> tuple[Array, float]:
@@ -57,7 +56,7 @@ def bends_downwards(
 ) -> bool:
     """Whether an energy bends downwards between local displacements (m, c); see :func:`second_derivatives`."""
     bends, size = second_derivatives(law, weights, start, end, body, vectors)
-    return bool((bends < -_ROUNDED * size).any())
+    return bool((bends < -EXACT * size).any())
 
 
 def second_derivatives(
@@ -105,7 +104,7 @@ def _of_points(law: VectorLaw, weights: Array, start: Array, end: Array, places:
     along = increment[point]
     r, ends = start[point] + middle.reshape(-1, 1) * along, law.penetrations
     low, high = (np.broadcast_to(side, len(start))[point] for side in (ends.lower, ends.upper))
-    inside, rounding = np.clip(r[:, 0], low, high), _AT_END * max(np.abs(start).max(), np.abs(end).max())
+    inside, rounding = np.clip(r[:, 0], low, high), SOLVED * max(np.abs(start).max(), np.abs(end).max())
     r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
     line = law.take(point).linearise(r)
     bends = weights[:, None] * np.einsum("mi,mij,mj->m", along, line.hessian, along).reshape(middle.shape)

@@ -1,4 +1,4 @@
-"""Steps of a body whose load factor is unknown: what is given is energy that is dissipated, or an opening.
+"""Arc-length control: steps of unknown load factor, by dissipated energy or by an opening that is given.
 
 Where glue lets go the load that a joint carries may have to fall, and displacements with it: a snap-back. No time that
 loads follow leads through it.  Here the loads are those of a time that is an answer, the load factor (Riks 1979;
@@ -32,6 +32,7 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.evolution.discrete import SOLVED
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
@@ -52,28 +53,24 @@ __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_
 DISSIPATION = "dissipation"
 #: Newton's equations of a step at most.
 _ROUNDS = 15
-#: Change of a place, as a part of its size, at which it stands; what it may still be where it falls no more.
+#: Change of a displacement, as a part of its size, at which it stands; what it may still be where it falls no more.
 _STANDS, _STILL = 1e-12, 1e-7
 #: Part of a step by which what is given may be missed where it stands.
 _MET = 1e-6
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
-#: Part of what the largest load stored below which nothing was dissipated.
-_NOTHING = 1e-9
-#: How far a step goes beyond where the last one leads, at most, and the part of its own pace that it may exceed.
-_AHEAD, _MORE = 4.0, 1.0 + 1e-6
+#: How far a step goes beyond where the last one leads, at most.
+_AHEAD = 4.0
 #: By how much the load factor may fall in a step, in units of its length, and how often a step is cut for that.
 _FALLS, _CUTS = 1.1, 4
-#: Part of a step by which its load factor may miss it and be given.
-_SAME = 1e-9
 #: How far pairs are taken outward for a guess.
 _OUTWARD = (1e-6, 1e-3, 1e-2, 5e-2, 0.2)
 #: Parts of the load of a first opening, as if the body were linear, by which its direction is sought.
-_SMALL = 0.1, 1e-2, 1e-3, 1e-4
+_SMALL = tuple(10.0**-k for k in range(1, 5))
 #: What memories dissipate in a step, in parts of what a straight way does: beyond these it led elsewhere.
 _LEAST, _MOST = 0.5, 2.5
-#: Part of what acts by which it may miss a straight line; multiples of the other meet no period of it.
-_BENT, _GOLDEN = 1e-9, 0.5 * (np.sqrt(5.0) - 1.0)
+#: Its multiples, less whole numbers, fill an interval evenly and meet no period of a load.
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 #: Part of the most that glue carried at which it counts as broken.
 _BROKEN = 1e-2
 
@@ -91,13 +88,7 @@ class Control:
 
 
 def control_of(given: object) -> Control | None:
-    """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``.
-
-    Raises
-    ------
-    ProblemError
-        It is none of these.
-    """
+    """The control of a march as it is given: None, ``"dissipation"``, or ``{"opening": name}``."""
     if given is None or isinstance(given, Control):
         return given
     if isinstance(given, str) and given == DISSIPATION:
@@ -111,13 +102,7 @@ def control_of(given: object) -> Control | None:
 def refuse_control(
     stated: Evolution, control: Control, scheme: Scheme, step: StepSizeController, jump: SelectionRule
 ) -> None:
-    """Refuse what does not go with a load factor that is unknown.
-
-    Raises
-    ------
-    ProblemError
-        The body resists rates, has heat, or is not linear; the scheme, the steps or the rule of jumps are others.
-    """
+    """Refuse what does not go with a load factor that is unknown: rates, heat, bodies that are not linear."""
     material = stated.problem.material
     why = ""
     if stated.inertia:
@@ -341,13 +326,7 @@ class ControlledStepper(TimeStepper):
 
     @classmethod
     def over(cls, stepper: TimeStepper, control: Control, until: float) -> Self:
-        """That of an evolution, whose loads must be straight lines over the time.
-
-        Raises
-        ------
-        ProblemError
-            They are not, nothing grows, or the boundary of an opening is none.
-        """
+        """That of an evolution, whose loads must be straight lines over the time."""
         discrete = stepper.discrete
         made = cls(
             discrete, stepper.scheme, stepper.stages, stepper.operators, stepper.data, control=control,
@@ -391,7 +370,7 @@ class ControlledStepper(TimeStepper):
             part = (factor - low) / reach
             for one, two, there in zip(first, far, self._acting(factor), strict=True):
                 size = max(map(_largest, (one, two, there, part * (two - one))))
-                if _largest(there - one - part * (two - one)) > _BENT * size:
+                if _largest(there - one - part * (two - one)) > SOLVED * size:
                     raise ProblemError(
                         f"control = ... takes t for the load factor, and a load, support or gap bends over t, at t = "
                         f"{factor:.6g} or before; state it as a multiple of t"
@@ -412,7 +391,7 @@ class ControlledStepper(TimeStepper):
     def broken(self, state: TimeState) -> bool:
         """Whether glue has dissipated, and carries next to nothing of the most that it carried."""
         known = self.known(state)
-        lost = state.ledger.memory > _NOTHING * known.pace * known.largest
+        lost = state.ledger.memory > SOLVED * known.pace * known.largest
         return lost and self._carried(state) <= _BROKEN * known.carried
 
     def _carried(self, state: TimeState) -> float:
@@ -529,7 +508,7 @@ class ControlledStepper(TimeStepper):
         if loaded is None:
             return self._dissipating(frozen, goal, step) if known.pace else None
         spent = frozen.spent(loaded)
-        if spent <= _MORE * goal or not known.pace:
+        if spent <= (1.0 + _MET) * goal or not known.pace:
             return loaded
         return self._dissipating(frozen, goal, step, frozen.increment(loaded), spent)
 
@@ -547,7 +526,7 @@ class ControlledStepper(TimeStepper):
             if loaded is None:
                 return None
             increment, grown = frozen.increment(loaded), frozen.opened(points, loaded)
-            if grown <= _NOTHING * _largest(increment[0]):
+            if grown <= SOLVED * _largest(increment[0]):
                 raise ProblemError(
                     f"control = {{'opening': '{boundary}'}} needs loads that open '{boundary}' as t grows, and these "
                     "do not; turn their sign, or name a boundary that opens"
@@ -605,4 +584,4 @@ def _largest(values: Array) -> float:
 
 def _is_step(moved: float, step: float) -> bool:
     """Whether a load factor moved by a whole step."""
-    return abs(moved - step) <= _SAME * step
+    return abs(moved - step) <= SOLVED * step

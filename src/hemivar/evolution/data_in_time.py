@@ -1,4 +1,4 @@
-"""What acts on a body over time, and at which times it jumps."""
+"""What acts on a body over time (loads, supports, gaps, laws), and at which times it has kinks and jumps."""
 
 from __future__ import annotations
 
@@ -11,21 +11,15 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.last_used import Recent
 from hemivar.basics.types import Array
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import EXACT, KEPT, DiscreteEvolution, ExternalData
 from hemivar.formula import Formula
 
 __all__ = ["ChangedData", "DataInTime", "StatedData", "kinks_in_time"]
 
-#: Kinks that are one up to rounding, as a part of the whole time.
-_SAME = 1e-12
 #: Kinks of one formula that are met, at most.
 _MOST = 500
 #: How deep formulas are looked for in a statement.
 _DEEP = 12
-#: Times whose loads are kept.
-_TIMES = 8
-#: Times at which data may jump that are kept.
-_SIDES = 64
 #: Part of the size of what is added up that is rounding.
 _ROUNDING = 16.0 * float(np.finfo(float).eps)
 
@@ -53,7 +47,7 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
             )
     kept: list[float] = []
     for time in sorted(kinks):
-        if not kept or time - kept[-1] > _SAME * max(abs(start), abs(until)):
+        if not kept or time - kept[-1] > EXACT * max(abs(start), abs(until)):
             kept.append(time)
     return tuple(kept), tuple(doubts)
 
@@ -110,8 +104,8 @@ class StatedData(DataInTime):
     discrete: DiscreteEvolution
     #: Times at which what acts may jump, and how near to them it is looked at.
     stops: Mapping[float, float] = field(default_factory=dict)
-    _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(_TIMES), repr=False)
-    _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(_SIDES), repr=False)
+    _known: Recent[float, ExternalData] = field(default_factory=lambda: Recent(KEPT), repr=False)
+    _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(KEPT), repr=False)
 
     @cached_property
     def _steady(self) -> bool:

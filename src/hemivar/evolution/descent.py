@@ -1,4 +1,4 @@
-"""Downhill from a place without a leap over a barrier."""
+"""Gradient flow in the energy norm: from a displacement down to a minimiser, without a leap over a barrier."""
 
 from __future__ import annotations
 
@@ -27,6 +27,9 @@ from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
+    "AWAY",
+    "FLOW_STEPS",
+    "LARGEST",
     "TIGHT",
     "DescentSolver",
     "Slowed",
@@ -39,10 +42,11 @@ __all__ = [
 #: Least resistance to a jump in units of the stiffness.
 _LEAST = 0.05
 #: Steps of a jump at most.
-_FLOW_STEPS = 2000
+FLOW_STEPS = 2000
 #: Components of contact points up to which the graph of the law is laid out: every step on it is a dense solve.
-_LARGEST = 1500
-#: Rounding of a place on a segment, as a part of a typical displacement.
+LARGEST = 1500
+#: Rounding of a point on a segment, as a part of a typical displacement, and of the solution of Newton's equation on
+#: pieces of laws, as one of the load: a thousand operations, each exact to 1.1e-16.
 _ROUNDING = 1e-13
 #: Tolerance of the steps of a jump as a part of that of the whole.
 TIGHT = 1e-3
@@ -51,9 +55,7 @@ _ONWARD = 0.01
 #: Part of the largest motion below which a point at a kink of its law rests there.
 _RESTS = 1e-9
 #: Sizes of the body from its place at which nothing holds one that still falls.
-_AWAY = 100.0
-#: Of the solution of Newton's equation on the pieces of the laws, in terms of the load.
-_EXACT = 1e-13
+AWAY = 100.0
 
 
 class _Backoff:
@@ -195,7 +197,7 @@ def gradient_flow(
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
     looks, solved = _Backoff(), u
-    for _ in range(_FLOW_STEPS):
+    for _ in range(FLOW_STEPS):
         start, before, here = u, problem.local(u), load + slowed.drag(body, u)
         solution = by.solved(slow.under(here), u, tight)
         u = solution.unknowns
@@ -211,7 +213,7 @@ def gradient_flow(
         known = dependent or not problem.law.splits or problem.contact.components > 2
         if chain is None and not known and by.workspace.condenses(slow):
             system = by.workspace.condensed(problem)
-            chain = chain_of(system) if system.free.size <= _LARGEST else None
+            chain = chain_of(system) if system.free.size <= LARGEST else None
         if chain is not None:
             theta, segment = chain.nearest(solution.local, solution.multiplier)
             if last is not None and np.array_equal(segment, last):
@@ -306,7 +308,7 @@ def _endless(problem: DiscreteProblem, u: Array, increment: Array) -> bool:
     if further is None or problem.field is None:
         return False
     step = float(np.abs(problem.contact.trace @ increment).max(initial=0.0))
-    return step > 0.0 and further[0](_AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
+    return step > 0.0 and further[0](AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
 
 
 def _on_pieces(problem: DiscreteProblem, u: Array, by: DescentSolver, controls: Controls) -> Solution | None:
@@ -326,7 +328,7 @@ def _minimiser_on_pieces(
 
     ``u`` is (n,).
     """
-    x = replace(method, tolerance=_EXACT).on_pieces(body, u)
+    x = replace(method, tolerance=_ROUNDING).on_pieces(body, u)
     if x is None:
         return None
     x, multiplier, off, status = finish(body, State(x, body.multiplier(x)), Status.INACCURATE, controls)

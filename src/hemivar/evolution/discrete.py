@@ -1,4 +1,4 @@
-"""An evolution over a mesh: its matrices, what acts on it at a time, and the body of a stage."""
+"""Semi-discrete evolution: stiffness, viscosity and mass over a mesh, what acts at a time, the body of a stage."""
 
 from __future__ import annotations
 
@@ -40,6 +40,9 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
 __all__ = [
+    "EXACT",
+    "KEPT",
+    "SOLVED",
     "DiscreteEvolution",
     "DiscreteHeat",
     "ExternalData",
@@ -49,10 +52,12 @@ __all__ = [
     "refuse_unmeasured",
 ]
 
-#: Matrices of different steps that are kept.
-_KEPT = 6
-#: Viscosity below this part of its largest one resists nothing.
-_NONE = 1e-12
+#: Matrices, operators and loads of different steps that are kept; what is forgotten is computed again, to the last bit.
+KEPT = 8
+#: Part of a size below which what was solved for or summed over a mesh tells nothing: the default tolerance of a solve.
+SOLVED = 1e-9
+#: Part of a size that is rounding of stated numbers and of what few operations make of them, each exact to 1.1e-16.
+EXACT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +254,7 @@ class DiscreteEvolution(PickleMixin):
         sizes = np.asarray(np.linalg.eigvalsh(tensor), dtype=float)
         most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
         largest, small = self.vectors.largest(most, -least).tolist()
-        return bool(-small > _NONE * largest)
+        return bool(-small > EXACT * largest)
 
     @property
     def field(self) -> Field:
@@ -456,7 +461,7 @@ class StepMatrices:
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self.discrete = discrete
         self._slow: tuple[Model, float, Model] | None = None
-        self._made: Recent[tuple[float, ...], DiscreteProblem] = Recent(_KEPT)
+        self._made: Recent[tuple[float, ...], DiscreteProblem] = Recent(KEPT)
         self._tried: Model | None = None
 
     def body(self, viscous: float, inert: float, *branches: float, keep: bool = True) -> DiscreteProblem:

@@ -1,4 +1,4 @@
-"""The heat of a body over its mesh: how it is coupled with the motion."""
+"""Thermomechanical coupling over a mesh: thermal stress, heat of friction, conductance of contact points."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.thermal_stress import thermal_matrix
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
+from hemivar.mesh.boundary_rule import boundary_rule
 
 __all__ = ["coupling"]
 
@@ -50,7 +51,7 @@ def _entering(stated: ContactProblem, heat: Heat, contact: ContactPoints) -> sp.
         for side in sides if len(sides) > 1 else ():
             part = share if side == name else 1.0 - share
             inside = np.zeros(rows.shape[1])
-            inside[np.unique(mesh.facet_nodes(mesh.boundaries[side], order))] = 1.0
+            inside[np.unique(boundary_rule(mesh, side, order).nodes)] = 1.0
             entering = entering + part * _shared_out(sp.csr_array(rows @ sp.diags_array(inside)))
         if len(sides) == 1:
             entering = entering + share * rows

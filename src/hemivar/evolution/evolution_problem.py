@@ -1,4 +1,4 @@
-"""The statement of an evolution: a contact problem in time."""
+"""The statement of an evolution: a contact problem in time with its initial values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an evolution leaves behind: a table with a row for each step, and the body at some times."""
+"""The time series of an evolution: a table with a row for each step, and the body at some times."""
 
 from __future__ import annotations
 
@@ -32,67 +32,45 @@ __all__ = ["Frame", "History", "Row", "damage_of", "law_at", "remembered"]
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table.
-
-    Attributes
-    ----------
-    time, step : float
-    solver_steps : int
-        Steps of the method in all stages; those of the last round where a step iterates wear, heat and the like.
-    residual : float
-        Relative residual.
-    margin : float
-        Smallness margin of the step's problem: positive if it has one solution only.
-    largest_step : float
-        Largest step with a positive margin; nan where it was not looked for.
-    values : mapping
-        Forces, contact measure, probes and the ledger by name; where a friction bound depends on the solution also
-        ``fallbacks``, how often Newton's equation alone did not solve the step.
-    jumped : bool
-    """
+    """One line of the table."""
 
     time: float
     step: float
+    #: Steps of the method in all stages; those of the last round where a step iterates wear, heat and the like.
     solver_steps: int
+    #: Relative residual.
     residual: float
+    #: Smallness margin of the step's problem: positive if it has one solution only.
     margin: float
+    #: Largest step with a positive margin; nan where it was not looked for.
     largest_step: float
+    #: Forces, contact measure, probes and the ledger by name; where a friction bound depends on the solution also
+    #: ``fallbacks``, how often Newton's equation alone did not solve the step.
     values: Mapping[str, float]
     jumped: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Frame(PickleMixin):
-    """The body at one time.
-
-    Attributes
-    ----------
-    time : float
-    displacement, velocity : arrays (nodes, d)
-    local, multiplier, rate : arrays (m, c)
-        At the contact points: penetration and slip; force per area of the body on the foundation, which is the
-        pressure (column 0) and minus the friction; velocity of penetration and slip.
-    force_time : float
-        The time that the force belongs to.
-    memory : mapping of name to array (m, ...)
-        What the contact points remember, nan elsewhere. Glue: ``0.opening``, the largest effective opening,
-        ``0.stiffness``, the secant from there to rest, and of two fracture energies ``0.mode``, that of the onset of
-        damage, -1 before it. The damage is :attr:`History.damage`.
-    temperature : array (nodes,) or None
-        Of a body with heat.
-    load_factor : float
-        The time whose loads, supports and gaps act: the time itself, where that is no answer.
-    """
+    """The body at one time."""
 
     time: float
-    displacement: Array
-    velocity: Array
-    local: Array
-    multiplier: Array
-    rate: Array
+    displacement: Array  # (nodes, d)
+    velocity: Array  # (nodes, d)
+    #: At the contact points penetration and slip, the force per area of the body on the foundation, which is the
+    #: pressure (column 0) and minus the friction, and the velocity of penetration and slip.
+    local: Array  # (m, c)
+    multiplier: Array  # (m, c)
+    rate: Array  # (m, c)
+    #: The time that the force belongs to.
     force_time: float
-    memory: Mapping[str, Array] = field(default_factory=dict)
-    temperature: Array | None = None
+    #: What the contact points remember by name, nan elsewhere. Glue: ``0.opening``, the largest effective opening,
+    #: ``0.stiffness``, the secant from there to rest, and of two fracture energies ``0.mode``, that of the onset of
+    #: damage, -1 before it. The damage is :attr:`History.damage`.
+    memory: Mapping[str, Array] = field(default_factory=dict)  # (m, ...)
+    #: Of a body with heat.
+    temperature: Array | None = None  # (nodes,)
+    #: The time whose loads, supports and gaps act: the time itself, where that is no answer.
     load_factor: float = math.nan
 
     __repr__ = brief

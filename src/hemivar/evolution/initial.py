@@ -1,4 +1,4 @@
-"""Initial state: displacement, velocity and the acceleration that all forces make."""
+"""Consistent initial values: displacement, velocity, the acceleration of all forces, impulses of supports."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import ExternalData
+from hemivar.evolution.discrete import EXACT, SOLVED, ExternalData
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.stage import stiffness_force
@@ -21,14 +21,18 @@ from hemivar.laws.vector_law import lengths
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers import Status
 
-__all__ = ["Kinked", "accelerated", "apply_impulse", "initial_state", "prescribed_rates", "velocity_discontinuity"]
+__all__ = [
+    "AT_ONCE",
+    "Kinked",
+    "accelerated",
+    "apply_impulse",
+    "initial_state",
+    "prescribed_rates",
+    "velocity_discontinuity",
+]
 
-#: Part of the velocities that is no blow, but rounding.
-_NO_BLOW = 1e-9
 #: Part of a blow that conjugate gradients leave, and their steps at most.
 _LEFT, _BLOW_STEPS = 1e-11, 500
-#: Part of the velocities by which a body may miss the rate of a foundation that holds it.
-_MISSED_RATE = 1e-6
 #: Part of the next step over which paths are looked at.
 _NEAR = 1e-2
 #: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
@@ -43,10 +47,10 @@ _ROUNDED = 64.0 * float(np.finfo(float).eps)
 Moving = tuple[Kinematics, Kinematics]
 #: Which of them go on, at another speed or not; the others jump.
 Kinked = tuple[BoolArray, BoolArray]
-#: Part of the first step in which nothing but rates is felt.
-_AT_ONCE = 1e-8
-#: Part of the velocity of the body that is slip, and not rounding; and of displacements that is a gap.
-_SLIPS, _TOUCHES = 1e-6, 1e-12
+#: Part of a step in which a body yields at once: what is viscous does this part of what it does in the step.
+AT_ONCE = 1e-8
+#: Part of the velocities that is slip, or misses the rate of a foundation that holds the body, and is not rounding.
+_SLIPS = 1e-6
 #: Part of the first step that tells what holds the body at the start: short, and long enough for rounding.
 _BRIEF = 1e-3
 
@@ -168,7 +172,7 @@ def initial_state(stepper: TimeStepper, step: float | None = None) -> TimeState:
         tuple(np.zeros_like(displacement) for _ in discrete.branches),
         initial_memory(discrete, acting.law, local),
     )
-    law = _law_of_rates(stepper, state, acting, _AT_ONCE * (1.0 if step is None else step))
+    law = _law_of_rates(stepper, state, acting, AT_ONCE * (1.0 if step is None else step))
     state = replace(state, multiplier=_least(law, discrete.counted(local, local)))
     if discrete.mass is not None:
         state = accelerated(stepper, state, stepper.data.after(evolution.start), moving, step)
@@ -185,7 +189,7 @@ def accelerated(
 ) -> TimeState:
     """A state with the acceleration that all forces make of where the body is and of how fast."""
     contact, n, first = stepper.discrete.problem.contact, stepper.discrete.unknowns, 1.0 if step is None else step
-    law = _law_of_rates(stepper, state, acting, _AT_ONCE * first)
+    law = _law_of_rates(stepper, state, acting, AT_ONCE * first)
     r = state.local.displacement
     sought = replace(state, multiplier=_least(law, stepper.discrete.counted(r, r)))
     pressed = replace(sought, multiplier=_pressed(stepper, sought, acting, moving, law, first))
@@ -250,10 +254,10 @@ def _pressed(
         max(float(np.abs(velocity).max(initial=0.0)) for velocity in (state.body.velocity, rate)),
         max(float(np.abs(here).max(initial=0.0)) for here in (state.body.displacement, r)),
     ).tolist()
-    lam, undetermined = _rubbed(stepper, state, law, _SLIPS * fast, _AT_ONCE * step)
+    lam, undetermined = _rubbed(stepper, state, law, _SLIPS * fast, AT_ONCE * step)
     # Where a support or another boundary has the component already, nothing is held.
     undetermined &= np.diff(stepper.discrete.problem.contact.trace.indptr).reshape(undetermined.shape) > 0
-    ends, near = acting.law.penetrations, _TOUCHES * far
+    ends, near = acting.law.penetrations, EXACT * far
     down = (r[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
     up = (r[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
     holds, thrown = vectors.largest(float(undetermined.any()), float((down | up).any())).tolist()
@@ -350,7 +354,7 @@ def apply_impulse(stepper: TimeStepper, state: TimeState, step: float) -> TimeSt
     missed, fast, carried = discrete.vectors.largest(
         *(float(np.abs(part).max(initial=0.0)) for part in (rate[glued], velocity, gaps.velocity))
     ).tolist()
-    if missed > _MISSED_RATE * max(fast, carried):
+    if missed > _SLIPS * max(fast, carried):
         raise ProblemError(
             f"at t = {state.time:.10g} the impulse of the foundation that constrains the body could not be "
             f"computed; use implicit-euler, which needs none"
@@ -381,7 +385,7 @@ def _at_the_start(stepper: TimeStepper, state: TimeState, step: float) -> tuple[
     fast = max(float(np.abs(speed).max(initial=0.0)) for speed in (state.body.velocity, state.local.velocity))
     off = float(np.abs(state.local.velocity[_bilateral(stepper)]).max(initial=0.0))
     fast, off = stepper.discrete.vectors.largest(fast, off).tolist()
-    if off <= _NO_BLOW * fast:
+    if off <= SOLVED * fast:
         return None
     supports, gaps = prescribed_rates(stepper, state.time, step)
     nothing = np.zeros(supports.displacement.shape, dtype=bool)  # supports have their rates already

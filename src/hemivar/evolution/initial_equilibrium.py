@@ -1,4 +1,4 @@
-"""The equilibrium in which a body without mass begins, and goes on where a load jumps."""
+"""Initial equilibrium of a quasi-static body, and the one that follows where a load jumps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import SOLVED, DiscreteEvolution, ExternalData
+from hemivar.evolution.initial import AT_ONCE
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
@@ -25,15 +26,11 @@ __all__ = [
     "with_ramped_work",
 ]
 
-#: Part of the next step in which a body yields at once: what is viscous stays where it is.
-_AT_ONCE = 1e-8
 #: What is said where friction at rest does not hold the body.
 _NO_REST = (
     "friction that weakens with the slip rate may not carry the initial load at rest; start from a smaller load "
     "and increase it, or give the body mass or viscosity"
 )
-#: Part of gaps by which a point that touches may be deep by rounding.
-_TOUCHES = 1e-9
 
 
 def has_instantaneous_part(discrete: DiscreteEvolution) -> bool:
@@ -55,7 +52,7 @@ def instantaneous_equilibrium(
     chosen = jump if jump.follows or jump is SelectionRule.GLOBAL else SelectionRule.LOCAL
     resting = _at_rest(stepper.discrete, now)
     try:
-        taken = stepper.at_once(state, _AT_ONCE * step, start, resting, chosen)
+        taken = stepper.at_once(state, AT_ONCE * step, start, resting, chosen)
     except ProblemError as error:
         if resting is now:
             raise
@@ -128,7 +125,7 @@ def gap_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
         ends.append(ends[-1])
     before, came, after = (early - late for early, late in itertools.pairwise(ends))
     depth = taken.state.local.displacement[:, 0]
-    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > _TOUCHES * np.abs(ends[2]).max(initial=0.0))
+    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > SOLVED * np.abs(ends[2]).max(initial=0.0))
     jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
     jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
     return jump, deepest

@@ -1,4 +1,4 @@
-"""What happens where a step may have several solutions and nothing viscous chooses one."""
+"""Selection of a solution where a rate-independent step may have several: local, viscous, energetic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The march through time."""
+"""The march through time: the loop of time integration, its ends and its checkpoints."""
 
 from __future__ import annotations
 
@@ -90,25 +90,7 @@ def marching(
 ) -> Generator[StepEvent, bool | None, History]:
     """:func:`march` step by step: yields every step, ends after it if it is sent True, returns the history.
 
-    Parameters
-    ----------
-    evolution : Evolution, DiscreteEvolution, or ManufacturedProblem of an evolution
-    plan : March
-        Until when, by which scheme and steps.
-    workspace : Workspace, optional
-        Where factors and levels are kept.
-    tools : Backend, optional
-        Of another engine.
-
-    Yields
-    ------
-    StepEvent
-        Every step; the generator returns a :class:`History`.
-
-    Raises
-    ------
-    MethodError
-        The time limit is over before the state at the start is known.
+    Factors and levels are kept in the workspace; ``tools`` are those of another engine.
     """
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"
     evolution = expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)

@@ -32,7 +32,9 @@ _AT_CONTACT = ("local", "multiplier", "rate")
 #: What is kept of a motion; its products with the matrices are computed again, to the last bit. And of mean rates.
 MOTION = ("displacement", "velocity", "acceleration")
 RATES = ("velocity", "acceleration")
+#: Number of the format of checkpoints: raised where their keys, the names of fields, change.
 _FORMAT = 10
+#: Bytes of the largest checkpoint that is read: 64 GiB, as much as fits into the memory of a large machine.
 _LARGEST = 1 << 36
 _ARRAY = "array "
 #: Numbers of a row beside the values of the columns, in their order.

@@ -1,4 +1,4 @@
-"""What a step is worth: its margin of uniqueness, whether the body jumped in it, and its local error.
+"""What a step is worth: its uniqueness margin, its local error, and whether the body jumped in it.
 
 Adaptive steps are chosen by an estimate of that error. It is the distance from the prediction by the derivatives at the
 beginning, halved: of implicit Euler ``tau^2 u''/2``, of schemes of order two ``tau^3 u'''/12`` (Milne's device), or up
@@ -32,6 +32,7 @@ from hemivar.certificates.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution.barrier import path_bends_downwards
+from hemivar.evolution.discrete import KEPT
 from hemivar.evolution.stage import Stage
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import BoundaryLaw
@@ -46,8 +47,8 @@ _SMALL = 20_000
 #: Steps that are looked at in each factor of two, and powers of two that are; that of a step that stands for all longer
 #: ones, in which neither mass nor viscosity resists any more.
 _PARTS, _WIDEST, _FARTHEST = 70, 24, 96
-#: Condensed bodies of such steps that are kept.
-_FEWEST, _BYTES = 8, 1 << 25
+#: Bytes of condensed bodies of such steps that are kept, a few of them in any case.
+_BYTES = 1 << 25
 
 
 def crosses_energy_barrier(stepper: TimeStepper, taken: StepResult) -> bool:
@@ -114,7 +115,7 @@ class Margins:
     """
 
     def __init__(self, stepper: TimeStepper) -> None:
-        self.advance = stepper
+        self.stepper = stepper
         self._largest: tuple[bytes, float] = b"", math.nan
         self._last: tuple[object, float, float] = None, math.nan, math.nan
         self._known: tuple[object, object, float] = None, None, math.nan
@@ -132,7 +133,7 @@ class Margins:
             return 1.0
         if problem.law.state_dependent:
             return self._at(stage, solution)
-        return 1.0 - self.advance.stages.constant(stage, problem.law)
+        return 1.0 - self.stepper.stages.constant(stage, problem.law)
 
     def _at(self, stage: Stage, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
@@ -140,7 +141,7 @@ class Margins:
         law = problem.law
         if self._known[0] is body and self._known[1] is law and law.alpha_is_one:
             return self._known[2]
-        margin = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
+        margin = margin_at(problem, solution.unknowns, solution.multiplier, self.stepper.stages.workspace)
         self._known = body, law, margin
         return margin
 
@@ -172,7 +173,7 @@ class Margins:
             return math.inf
         if problem.unknowns > _SMALL or problem.law.state_dependent or lower_bound_by(problem) == UNKNOWN:
             return math.nan
-        changes = "law" in self.advance.discrete.evolution.problem.time_dependent  # and is another in longer steps
+        changes = "law" in self.stepper.discrete.evolution.problem.time_dependent  # and is another in longer steps
         data = np.array([taken.step, taken.before.time if changes else 0.0])
         # Damping stiffens a law from where a point is on: by less in a longer step, from another place in the next one.
         varies = any(block.damping is not None or not block.memory.of_state for block in blocks)
@@ -215,9 +216,9 @@ class Margins:
     def _positive(self, before: TimeState, step: float) -> bool:
         """Whether a step of this length has a positive margin: whether the body condensed onto its contact points,
         less what the laws may soften, is positive definite."""
-        contact = self.advance.discrete.problem.contact
+        contact = self.stepper.discrete.problem.contact
         try:
-            tried = self.advance.stage_laws(before, step)
+            tried = self.stepper.stage_laws(before, step)
         except ProblemError:  # what depends on time makes no sense any more at the end of so long a step
             return False
         for factors, law in tried:
@@ -241,12 +242,12 @@ class Margins:
         it is not held."""
         if factors not in self._matrices:
             try:
-                stiffness = SchurComplement.of(below(self.advance.stages.bodies.body(*factors, keep=False))).matrix
+                stiffness = SchurComplement.of(below(self.stepper.stages.bodies.body(*factors, keep=False))).matrix
             except ProblemError:
                 stiffness = None
             self._matrices[factors] = stiffness
             size = 1 if stiffness is None else stiffness.nbytes
-            while len(self._matrices) > max(_FEWEST, _BYTES // max(size, 1)):
+            while len(self._matrices) > max(KEPT, _BYTES // max(size, 1)):
                 self._matrices.popitem(last=False)
         self._matrices.move_to_end(factors)
         return self._matrices[factors]

@@ -1,4 +1,4 @@
-"""How an evolution is to be computed, and what does not fit it."""
+"""The options of a march (scheme, step, method, ends), and what does not fit an evolution."""
 
 from __future__ import annotations
 

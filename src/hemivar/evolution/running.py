@@ -1,4 +1,4 @@
-"""A march that is going on: the next step, what happens in it, and what is told of it."""
+"""A march that is going on: step acceptance, events, the table, and messages."""
 
 from __future__ import annotations
 
@@ -12,19 +12,17 @@ from hemivar.basics.deadline import OutOfTime, check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.evolution import findings
 from hemivar.evolution.control import Control, ControlledStepper
 from hemivar.evolution.data_in_time import kinks_in_time
-from hemivar.evolution.descent import regularising_viscosity
 from hemivar.evolution.digest import identity
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
-from hemivar.evolution.evolution_problem import Mass
+from hemivar.evolution.discrete import EXACT, DiscreteEvolution, ExternalData
+from hemivar.evolution.findings import Finding
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.initial import apply_impulse, initial_state
 from hemivar.evolution.initial_equilibrium import (
-    gap_jump,
     has_instantaneous_part,
     instantaneous_equilibrium,
-    longest_without_swing,
     with_own_balance,
     with_ramped_work,
 )
@@ -33,7 +31,7 @@ from hemivar.evolution.march_events import OnEvent
 from hemivar.evolution.march_state import Checkpoint, MarchState, misfit
 from hemivar.evolution.margin import Margins, crosses_energy_barrier, step_error
 from hemivar.evolution.plan import March
-from hemivar.evolution.save import Frames, contact_forces, healing, large_deformation, probed
+from hemivar.evolution.save import Frames, contact_forces, large_deformation, probed
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_end import energies
@@ -48,26 +46,12 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["Backend", "StepEvent", "TimeLoop"]
 
-#: How near an event is found, as a part of the step in which it happens, and evaluations for it at most.
+#: How near an event is found, as a part of the step in which it happens: 20 bisections.
 _NEAR = 1e-6
-_TRIALS = 60
-#: The shortest first step, as a part of the latest time: more than rounding.
-_RESOLVED = 1e-12
-#: Part of the length of others below which a step that fails is too short.
-_SHORT = 1e-4
 #: Length of a step above which, and the inverse of that below which, numbers of schemes over- or underflow.
 _LONGEST = 1e100
-#: What a message begins with where glue is elastic.
-_HEALS = "the glue heals"
-#: What a message begins with where steps are less exact than was asked for.
-_MISSED = "the tolerance of steps was missed"
-#: And where viscosity that was put in slows the body down, by more than a few steps and this part of the whole time.
-_LAGS = "the body lags behind"
-#: And where a rigid obstacle jumps into the body.
-_SINKS = "an obstacle jumps into the body"
-_FEW, _LATE = 5.0, 0.01
-#: How a march ends in which the scheme made more than this part of the energy that was given.
-_MADE, _MOST_MADE = "energy made", 0.5
+#: How a march ends in which the scheme made more than half of the energy that was given.
+_MADE = "energy made"
 #: Columns of the sums of errors of steps: in the energy norm, and at the contact points.
 _SUMMED = ("error_sum", "contact_error_sum")
 #: Ends of a solve that are none of the step.
@@ -81,30 +65,19 @@ _MOVED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class StepEvent:
-    """A step of a march that was taken, for whoever watches.
-
-    Attributes
-    ----------
-    row : Row
-    frame : Frame or None
-        If one was saved.
-    state : TimeState
-    done : float
-        Part of the whole time that is behind.
-    happened : tuple of str
-        Events at its end.
-    earlier : tuple of (int, Frame)
-        With the first step only: what was saved before it, the initial state at least, with the numbers of its steps.
-    unkept : str
-        Why the last checkpoint that was due could not be written; empty if it was.
-    """
+    """A step of a march that was taken, for whoever watches."""
 
     row: Row
+    #: If one was saved.
     frame: Frame | None
     state: TimeState
+    #: Part of the whole time that is behind.
     done: float
+    #: Events at its end.
     happened: tuple[str, ...] = ()
+    #: With the first step only: what was saved before it, the initial state at least, with the numbers of its steps.
     earlier: tuple[tuple[int, Frame], ...] = ()
+    #: Why the last checkpoint that was due could not be written; empty if it was.
     unkept: str = ""
 
 
@@ -114,7 +87,7 @@ class Backend:
 
     #: Makes what takes steps of a discrete evolution, scheme, solver, controls, workspace, and the times at which what
     #: acts may jump.
-    advance: Callable[
+    stepper: Callable[
         [DiscreteEvolution, Scheme, Solver | None, Controls, Workspace | None, Mapping[float, float]], TimeStepper
     ] = stepper_of
     #: What tells margins, bounds of the error in time, and one evolution from another.
@@ -149,7 +122,7 @@ class TimeLoop:
         span = plan.until - self.start
         self.stepping = plan.stepping(span)
         self.step_size = self.stepping.first(span)
-        least, step = _RESOLVED * max(abs(self.start), abs(plan.until)), self.step_size.step
+        least, step = EXACT * max(abs(self.start), abs(plan.until)), self.step_size.step
         if step < least:
             raise ProblemError(
                 f"the step is {step:g}, too short for times up to {plan.until:g} to be distinguished; take at least "
@@ -166,14 +139,14 @@ class TimeLoop:
         self.stops = frozenset(stops)
         method, controlled = method_for(plan.method, discrete.problem), isinstance(plan.control, Control)
         sides = {} if controlled else stops
-        self.stepper = tools.advance(discrete, plan.scheme, method, plan.controls, workspace, sides)
+        self.stepper = tools.stepper(discrete, plan.scheme, method, plan.controls, workspace, sides)
         if isinstance(plan.control, Control):
             self.stepper = ControlledStepper.over(self.stepper, plan.control, plan.until)
         self.margins = tools.margins(self.stepper)
         self.bound = tools.bound(self.stepper)
         stated = discrete.evolution.problem, discrete.evolution.heat
         kinks, self.doubts = kinks_in_time(stated, self.start, plan.until)
-        self.doubts += _rings(discrete, plan.scheme)
+        self.doubts += findings.doubts_of_scheme(discrete, plan.scheme)
         if discrete.problem.idle is not None:
             self.doubts += (f"at t = {self.start:g} {discrete.problem.idle}",)
         self.ends = _ends(plan, self.start, () if controlled else kinks)
@@ -254,7 +227,9 @@ class TimeLoop:
             where = f"at t = {tried.taken.state.time:g} a step may have several solutions"
             self.note(f"{where}; the run stops before it, as requested")
             return None, ("margin lost",), True
-        self._tell_of_misses(tried)
+        error = max(tried.errors) if self.stepping.estimates else None
+        if self.stepping.missed(error):
+            self.note(findings.tolerance_missed(tried.taken.state.time, max(tried.errors), tried.unsolved))
         taken, happened, stop = self._located(tried.taken)
         if taken.step >= self.step_size.step * (1.0 - 1e-6):
             self.step_size = tried.following
@@ -290,7 +265,7 @@ class TimeLoop:
             if smaller is not None:
                 self.step_size = smaller
             elif rejected is None or taken.status in _OUTSIDE:
-                self._tell_of_failure(taken, length, reached)
+                self.note(*findings.unsolved(taken, self.state.time, length, reached, self.step_size.step))
                 return taken.status
             else:  # none of those tried that are shorter can be solved
                 return replace(rejected, following=rejected.step_size, unsolved=length)
@@ -314,39 +289,6 @@ class TimeLoop:
         while smaller is not None and smaller.step >= length:  # as long a step was tried
             smaller = self.stepping.smaller(smaller)
         return smaller
-
-    def _tell_of_failure(self, taken: StepResult, length: float, reached: float) -> None:
-        """Say which step could not be solved, and why."""
-        if taken.status is Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
-            return
-        remedy, usual = taken.remedy, self.step_size.step
-        if length < _SHORT * usual:
-            remedy = (
-                f"a step of {length:.3g} among others of {usual:.3g} is too short for the displacements to "
-                f"determine the forces; move the stop or the kink of a load that causes it"
-            )
-        last = f"t = {self.state.time:.10g}"
-        if taken.status is Status.NOT_CARRIED:
-            self.note(
-                f"broken at t = {reached:.10g}: no equilibrium is found from the one at {last} on. The load may exceed "
-                "what the foundation can carry; for a closer time take shorter steps"
-            )
-            return
-        self.note(f"the step from {last} to {reached:.10g} could not be solved: {remedy}")
-
-    def _tell_of_misses(self, tried: _Tried) -> None:
-        """Say that a step is not as exact as was asked for."""
-        error = max(tried.errors) if self.stepping.estimates else None
-        if not self.stepping.missed(error) or self._has_message(_MISSED):
-            return
-        why, remedy = "which cannot be shorter", "allow shorter steps or take"
-        if tried.unsolved:
-            why, remedy = f"and those tried that are shorter, down to {tried.unsolved:.3g}, cannot be solved", "take"
-        self.note(
-            f"{_MISSED} first in the step to t = {tried.taken.state.time:g}, {why}: its error is about {error:.2g} "
-            f"of the whole; {remedy} a larger rtol. Where a load or a support jumps, name its time as a stop, and take "
-            "implicit-euler"
-        )
 
     def _initial_equilibrium(self, state: TimeState) -> TimeState:
         """The initial state: a body without mass is in equilibrium with what acts, and the balance begins so."""
@@ -392,7 +334,7 @@ class TimeLoop:
             return None
         taken, jumped = self._jumped(taken)
         if jumped:
-            self._tell_of_jump(taken, self.margins.margin(taken))
+            self.note(*findings.jump(self.plan, taken, self.margins.margin(taken)))
         if taken.jumps or taken.state.ledger.jumps == state.ledger.jumps:
             taken = with_ramped_work(self.discrete, taken, start, now)
         return taken
@@ -406,31 +348,8 @@ class TimeLoop:
         """Book a step."""
         margin = self.margins.margin(taken)
         taken, jumped = self._jumped(taken)
-        if jumped:
-            self._tell_of_jump(taken, margin)
-        if self.plan.jump is SelectionRule.VISCOUS and not self.stepper.stages.resists:
-            self._tell_of_lag(taken)
-        if not taken.before.index or taken.before.time in self.stops:
-            longest = longest_without_swing(self.stepper, taken)
-            if longest < taken.step:
-                self.note(
-                    f"from t = {taken.before.time:g} on displacements oscillate about the equilibrium, and so does "
-                    f"the damage, because the viscosity relaxes within a step; take steps below {longest:.3g}, or "
-                    f"implicit-euler"
-                )
-        jump, depth = gap_jump(self.stepper, taken)
-        if jump and not self._has_message(_SINKS):
-            self.note(
-                f"{_SINKS} by {jump:.3g} in the step to t = {taken.state.time:g} and penetrates up to {depth:.3g}, "
-                f"because {self.plan.scheme.name} acts on velocities; move the gap over some steps, or take "
-                "implicit-euler"
-            )
-        healed = healing(self.discrete, taken.before, taken.state)
-        if healed and not self._has_message(_HEALS):
-            self.note(
-                f"{_HEALS} on contact '{healed}' from t = {taken.before.time:g} on: beyond its strength it closes "
-                f"along its opening curve; leave memory = () out"
-            )
+        at_stop = not taken.before.index or taken.before.time in self.stops
+        self.note(*findings.of_step(self.stepper, self.plan, taken, margin, jumped, at_stop))
         self.bound.add(taken)
         self.state = taken.state
         self.rows.append(self._row(taken, margin, jumped))
@@ -442,35 +361,6 @@ class TimeLoop:
         frame = self.frames.offer(self.discrete, self.state, last=last or bool(happened))
         done = (self.state.time - self.start) / (self.plan.until - self.start)
         return StepEvent(self.rows[-1], frame, self.state, done, happened, earlier)
-
-    def _tell_of_jump(self, taken: StepResult, margin: float) -> None:
-        """Say that the body jumped from one equilibrium to another."""
-        if self._has_message("the body jumped"):
-            return
-        when = taken.state.time if not taken.jumps else taken.before.time + taken.jumps[0].part * taken.step
-        self.note(
-            f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
-            f"and no viscosity selects one; jump = '{self.plan.jump}' did"
-        )
-        if taken.stages[-1].rule.reach != 1.0:
-            self.messages.append(
-                f"the scheme {self.plan.scheme.name} ends a step as far beyond the equilibrium that it finds as it "
-                "was before it: displacements oscillate after a jump; use implicit-euler or sdirk2"
-            )
-
-    def _tell_of_lag(self, taken: StepResult) -> None:
-        """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
-        convexity_defect = max(self.stepper.stages.convexity_defect(stage) for stage in taken.stages)
-        if convexity_defect < 0.0 or self._has_message(_LAGS):
-            return
-        steps = regularising_viscosity(convexity_defect)
-        lag = steps * taken.step
-        if steps > _FEW and lag > _LATE * (self.plan.until - self.start):
-            self.note(
-                f"{_LAGS} what acts on it by up to {lag:.3g}, {steps:.3g} steps, from t = {taken.before.time:g} on. "
-                f"The artificial viscosity makes the step unique; its dissipation is reported under 'jumps'; "
-                f"take shorter steps, or jump = 'arc-length'"
-            )
 
     def _jumped(self, taken: StepResult) -> tuple[StepResult, bool]:
         """Whether the body jumped; with what it lost, beside what a law that changed took from what was stored."""
@@ -504,24 +394,24 @@ class TimeLoop:
             self.bound.straight,
         )
 
-    def note(self, message: str) -> None:
-        """Say something in the end, once: a march that goes on may meet the same again."""
-        if message not in self.messages:
-            self.messages.append(message)
-
-    def _has_message(self, beginning: str) -> bool:
-        """Whether something that begins so is said already."""
-        return any(message.startswith(beginning) for message in self.messages)
+    def note(self, *found: Finding | str) -> None:
+        """Say what was found in the end, once: a march that goes on may meet the same again."""
+        for one in found:
+            beginning, rest = (one, "") if isinstance(one, str) else one
+            if not any(message.startswith(beginning) for message in self.messages):
+                self.messages.append(beginning + rest)
 
     def history(self, ended: str, unkept: str) -> History:
         """What there is."""
         if self.frames.kept[-1].time != self.state.time:
             self.frames.offer(self.discrete, self.state, last=True)
-        made = self._energy_made()
-        ended = _MADE if made and ended == "finished" and not self._steps_are_equilibria else ended
+        rows, inert = [row.values for row in self.rows], self.discrete.mass is not None
+        made = findings.energy_made(self.plan.scheme, rows, self.state.ledger.start, inert)
+        moves = inert or not self.plan.scheme.ends_at_equilibrium  # the velocity carries energy on
+        ended = _MADE if made and ended == "finished" and moves else ended
         strained = large_deformation(self.discrete, self.frames.kept)
         summed = tuple(self.rows[-1].values[name] for name in _SUMMED) if self.stepping.estimates else (0.0, 0.0)
-        added = (_added(summed),) if self.stepping.adds_up(max(summed)) else ()
+        added = (findings.errors_added(summed),) if self.stepping.adds_up(max(summed)) else ()
         return History(
             self.discrete,
             tuple(self.rows),
@@ -529,33 +419,9 @@ class TimeLoop:
             self.state,
             ended,
             tuple(self.events),
-            (*strained, *self.messages, *made, *added, *self.beyond),
+            (*strained, *self.messages, *filter(None, [made]), *added, *self.beyond),
             self.bound.now,
             unkept,
-        )
-
-    @property
-    def _steps_are_equilibria(self) -> bool:
-        """Whether each step ends in an equilibrium whatever its balance says: no velocity carries energy on."""
-        return self.discrete.mass is None and self.plan.scheme.ends_at_equilibrium
-
-    def _energy_made(self) -> tuple[str, ...]:
-        """That the scheme made more than a part of the energy that was given, if so."""
-        rows, start = [row.values for row in self.rows], self.state.ledger.start
-        made = -min(row["numerical"] + row["jumps"] for row in rows)
-        given = abs(start) + max(abs(row["work"]) + abs(row["moved"]) + abs(row.get("thermal", 0.0)) for row in rows)
-        if made <= _MOST_MADE * given:
-            return ()
-        if self._steps_are_equilibria:
-            return (
-                f"the balance of energy misses {made:.3g}, where loads, supports and the initial state gave "
-                f"{given:.3g}: a step that crosses the softening of a law knows its work at its end alone. The states "
-                "are equilibria; take shorter steps for the work",
-            )
-        others = "sdirk2" if self.discrete.mass is None else "on a rigid obstacle moreau-jean or mass = 'redistributed'"
-        return (
-            f"the scheme {self.plan.scheme.name} made energy, {made:.3g} where loads, supports and the initial state "
-            f"gave {given:.3g}: the motion is not physical. Take shorter steps or implicit-euler, or {others}",
         )
 
     # ---- events ----------------------------------------------------------------------------------------------
@@ -575,9 +441,7 @@ class TimeLoop:
         if not risen(taken):
             return taken, (), False
         low, high = 0.0, taken
-        for _ in range(_TRIALS):
-            if high.step - low <= _NEAR * taken.step:
-                break
+        while high.step - low > _NEAR * taken.step:
             middle = self.stepper.take(taken.before, 0.5 * (low + high.step), jump=SelectionRule(self.plan.jump))
             if middle.status is not Status.CONVERGED:
                 break
@@ -612,43 +476,6 @@ class TimeLoop:
         steps = sum(solution.steps for solution in taken.solutions)
         largest = self.margins.largest_step(taken)
         return Row(state.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
-
-
-def _added(summed: tuple[float, ...]) -> str:
-    """That the tolerance of adaptive steps does not bound the error at the end, and what it may be."""
-    energy, contact = (f"{100.0 * part:.2g} %" for part in summed)
-    return (
-        f"rtol bounds the error of one step; those of all steps add up to about {energy} in the energy norm and "
-        f"{contact} of the displacements of contact points: halve rtol and compare, if this is too much"
-    )
-
-
-def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
-    """That a scheme which is made for springs has a body hit something rigid, or nodes without mass swing, if so."""
-    if not scheme.rings_on_rigid_obstacles:
-        return ()
-    ends, points = discrete.problem.law.penetrations, discrete.problem.contact_points > 0
-    if discrete.mass is not None and discrete.evolution.mass is Mass.REDISTRIBUTED:
-        (rule,) = scheme.rules(1.0)
-        swing = (
-            "contact nodes without mass are in equilibrium within a step; at its end they oscillate about it, also "
-            "into an obstacle, in each step"
-            f" {rule.reach - 1.0:.3g} times as far; take newmark or "
-            "implicit-euler"
-        )
-        return (swing,) if points and rule.reach > 1.0 else ()
-    rigid = points and bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any())
-    if not discrete.vectors.largest(float(rigid))[0]:
-        return ()
-    if discrete.mass is None:
-        return (
-            f"an obstacle is rigid: once the body touches it velocities of the scheme {scheme.name} oscillate, and "
-            f"so does the dissipation; use sdirk2 or implicit-euler, or a compliant foundation",
-        )
-    return (
-        f"an obstacle is rigid: where the body hits it the scheme {scheme.name} oscillates and may gain energy; "
-        f"use moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",
-    )
 
 
 def _ends(plan: March, start: float, kinks: tuple[float, ...]) -> list[float]:

@@ -1,4 +1,4 @@
-"""What is kept of an evolution while it goes."""
+"""Output of a march: frames, probes, contact forces, and what strains and glue show."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.discrete import SOLVED, DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.evolution.state import TimeState
 from hemivar.fem import Deformation, deformation
@@ -39,8 +39,6 @@ __all__ = [
     "probed",
 ]
 
-#: Part of the stiffness by which the damage of glue changes where it changes.
-_HEALS = 1e-9
 #: Distance from the body, as a part of its size, at which a probe counts as outside.
 PROBED = 1e-6
 #: Multiples of the time between frames that are counted; beyond them every step is a frame.
@@ -97,7 +95,7 @@ def _closes(discrete: DiscreteEvolution, index: IntArray, before: TimeState, aft
         return False
     law, places = discrete.problem.law.take(index), [state.local.displacement[index] for state in (before, after)]
     old, new = (law.debonding(r)["damage"] for r in places)
-    return bool((law.past_peak(places[0]) & (new < old - _HEALS)).any())
+    return bool((law.past_peak(places[0]) & (new < old - SOLVED)).any())
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,8 @@ __all__ = [
 ]
 
 
-#: Rounding of factors of a scheme.
-_ROUNDED = 1e-14
+#: Rounding of factors of a scheme: some ten operations on numbers, each exact to 1.1e-16.
+ROUNDED = 1e-14
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class StageRule:
         if not (a.of_difference and b.of_velocity and a.difference and b.difference):
             return None
         ratio = b.difference / a.difference
-        return ratio if abs(b.velocity + ratio) <= _ROUNDED * ratio else None
+        return ratio if abs(b.velocity + ratio) <= ROUNDED * ratio else None
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A stage of a step: the static problem it is, and what its solution makes of the state."""
+"""A stage of a step: its static problem over a predictor, and the residual and state of a solution."""
 
 from __future__ import annotations
 

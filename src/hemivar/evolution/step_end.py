@@ -1,4 +1,4 @@
-"""The end of a step: the state that its stages lead to, and where the work went."""
+"""The end of a step: the state that its stages lead to, and its energy balance."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.jumps import DissipatedJump
-from hemivar.evolution.schemes import StageRule
+from hemivar.evolution.schemes import ROUNDED, StageRule
 from hemivar.evolution.stage import Stage, StageState, momentum, stiffness_force
 from hemivar.evolution.state import ContactForce, EnergyBalance, Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.step_laws import BoundaryLaw, StepLaw, places
-from hemivar.evolution.step_operator import decay, gain
+from hemivar.evolution.step_operator import branch_gain, decay
 from hemivar.laws import Superpotential
 from hemivar.laws.memory import LocalStep
 from hemivar.laws.scalar_graph import is_continuous
@@ -28,9 +28,6 @@ from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 
 __all__ = ["SolvedStage", "end_of_step", "energies", "shown_force", "with_products"]
-
-#: Rounding of factors of a scheme.
-_ROUNDED = 1e-14
 
 
 def shown_force(discrete: DiscreteEvolution, end: ExternalData, state: TimeState, stage: float) -> ContactForce:
@@ -161,7 +158,7 @@ def end_of_step(
         )  # fmt: skip
     body = _known(discrete, body)
     branches = tuple(
-        decay(period, step) * h + gain(period, step, 1.0 / step) * difference
+        decay(period, step) * h + branch_gain(period, step, 1.0 / step) * difference
         for h, (period, _) in zip(before.branches, discrete.branches, strict=True)
     )
     memory = dict(before.memory)
@@ -188,7 +185,7 @@ def _last_step(
     """What the next step goes on from, if it is known."""
     rate, force = solved[-1].stage.rule.rate, None
     change = state.multiplier - before.multiplier if ends else np.zeros_like(state.multiplier)
-    mean = rate.of_difference and abs(rate.difference * step - 1.0) <= _ROUNDED
+    mean = rate.of_difference and abs(rate.difference * step - 1.0) <= ROUNDED
     if ends and mean and discrete.mass is not None and discrete.vectors.alone and discrete.linear:
         force = stiffness_force(discrete, state.body) - stiffness_force(discrete, before.body)
     if not multistep:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import EXACT, DiscreteEvolution, ExternalData
 from hemivar.evolution.schemes import Scheme, StageRule
 from hemivar.evolution.state import TimeState
 from hemivar.laws import NoContact, Signorini, SlipMeasure, Superpotential, VectorLaw
@@ -25,8 +25,6 @@ __all__ = ["BoundaryLaw", "StageLaws", "StepLaw", "places", "seen_displacement",
 
 #: Who asks for laws whose force is averaged over a step.
 _CONSERVES = "the midpoint rule that conserves energy"
-#: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
-_TOUCHES = 1e-12
 
 States = Mapping[str, Mapping[str, Array]]
 
@@ -224,9 +222,7 @@ def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> V
     ahead = 0.5 * step * local.velocity[:, 0]
     # What rests on the obstacle is as deep as the rounding of its place and its velocity says, and yet in contact.
     sizes = np.abs(before.body.displacement).max(initial=0.0), np.abs(ahead).max(initial=0.0)
-    shut = local.displacement[:, 0] + ahead >= -_TOUCHES * (
-        sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0)
-    )
+    shut = local.displacement[:, 0] + ahead >= -EXACT * (sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0))
     pieces: list[tuple[Superpotential, IntArray]] = [
         (law.at(None), np.flatnonzero(points))
         for law, points in ((Signorini(), shut), (NoContact(), ~shut))

@@ -1,4 +1,4 @@
-"""What the steps of one length share whatever the state: matrix, coefficients, laws, factors of Newton's equation."""
+"""The effective operator of steps of one length: matrix, coefficients, laws, factors of Newton's equation."""
 
 from __future__ import annotations
 
@@ -8,17 +8,12 @@ import numpy as np
 
 from hemivar.basics.last_used import Recent
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
-from hemivar.evolution.schemes import RateFormula, Scheme, StageRule
+from hemivar.evolution.discrete import KEPT, DiscreteEvolution, StepMatrices
+from hemivar.evolution.schemes import ROUNDED, RateFormula, Scheme, StageRule
 from hemivar.evolution.step_laws import StageLaws
 from hemivar.solvers.newton_on_graph import NewtonCache
 
-__all__ = ["StepOperator", "StepOperators", "body_factors", "decay", "gain", "step_operator"]
-
-#: Rounding of factors of a scheme.
-_ROUNDED = 1e-14
-#: Lengths of steps whose operators are kept, and laws whose constants are known for each.
-_KEPT, _LAWS = 8, 8
+__all__ = ["StepOperator", "StepOperators", "body_factors", "branch_gain", "decay", "step_operator"]
 
 
 def decay(time: float, span: float) -> float:
@@ -26,14 +21,14 @@ def decay(time: float, span: float) -> float:
     return float(np.exp(-span / time))
 
 
-def gain(time: float, span: float, rate: float) -> float:
+def branch_gain(time: float, span: float, rate: float) -> float:
     """What a branch takes up over a span in which the displacement changes at ``rate`` times a difference."""
     return float(-np.expm1(-span / time)) * time * rate
 
 
 def body_factors(discrete: DiscreteEvolution, rule: StageRule, step: float) -> tuple[float, ...]:
     """What viscosity, mass and every branch are multiplied with in the stiffness of a stage."""
-    gains = (gain(time, rule.at * step, rule.reach / step) for time, _ in discrete.branches)
+    gains = (branch_gain(time, rule.at * step, rule.reach / step) for time, _ in discrete.branches)
     return rule.rate.difference, rule.acceleration.difference, *gains
 
 
@@ -58,7 +53,7 @@ class StepOperator:
     #: The last factor of Newton's equation.
     newton: NewtonCache = field(default_factory=NewtonCache, repr=False)
     #: Constants c of laws by their weak convexity.
-    constants: Recent[tuple[bytes, ...], float] = field(default_factory=lambda: Recent(_LAWS), repr=False)
+    constants: Recent[tuple[bytes, ...], float] = field(default_factory=lambda: Recent(KEPT), repr=False)
 
 
 def step_operator(discrete: DiscreteEvolution, bodies: StepMatrices, rule: StageRule, step: float) -> StepOperator:
@@ -74,7 +69,7 @@ def step_operator(discrete: DiscreteEvolution, bodies: StepMatrices, rule: Stage
     velocity = a.difference * predictor.velocity + a.velocity
     rate = RateFormula(
         0.0,
-        1.0 if abs(velocity - 1.0) <= _ROUNDED else velocity,
+        1.0 if abs(velocity - 1.0) <= ROUNDED else velocity,
         a.difference * predictor.acceleration + a.acceleration,
         a.difference * predictor.mean_velocity + a.mean_velocity,
         a.difference * predictor.mean_acceleration + a.mean_acceleration,
@@ -90,7 +85,7 @@ class StepOperators:
     bodies: StepMatrices
     scheme: Scheme
     _made: Recent[tuple[float, float | None], tuple[StepOperator, ...]] = field(
-        default_factory=lambda: Recent(_KEPT), repr=False
+        default_factory=lambda: Recent(KEPT), repr=False
     )
 
     def rules(self, step: float, last: float | None) -> tuple[StageRule, ...]:

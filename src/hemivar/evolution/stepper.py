@@ -41,8 +41,9 @@ __all__ = ["StepResult", "TimeStepper", "allowed_work", "method_of", "rounding_o
 #: Rounding of sums, in units of what is added up: of energies, and of forces where a step is solved as well as these
 #: are known.
 _ENERGIES, _FORCES = 64.0 * float(np.finfo(float).eps), 1024.0 * float(np.finfo(float).eps)
-#: Rounds of a law that depends on the solution of its own step, and when it stands.
+#: Rounds of a law that depends on the solution of its own step.
 _ROUNDS = 60
+#: Part of slips and multipliers that a round may still change where the law stands.
 _STANDS = 1e-10
 #: How far beyond what was found a guess goes at most, in parts of the way from the last round to this one.
 _AHEAD = 4.0

@@ -1,4 +1,4 @@
-"""Lengths of steps: fixed, or chosen by an estimate of the error on a ladder of powers of two."""
+"""Step-size control: fixed, or by a local error estimate on a ladder of powers of two."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A step of a body and of its heat: computed in turns until they agree, each a static problem of its own."""
+"""A step of a body and its heat: a staggered scheme, iterated with Anderson acceleration until both agree."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ __all__ = ["ThermalStepper", "stepper_of"]
 
 #: Rounds of motion and heat within a step.
 _ROUNDS = 200
-#: Part of the change of a round that the next one leaves at most where more than rounding changes.
-_FALLS = 0.5
 #: What to do where rounds do not meet.
 _UNMET = (
     f"motion and heat have not converged after {_ROUNDS} iterations; use shorter steps or a larger rtol of Heat; a "
@@ -146,8 +144,8 @@ class ThermalStepper(TimeStepper):
             size = float(np.abs(change).max(initial=0.0))
             strain = float(np.abs(temperature - heat.heat.stress_free).max(initial=0.0))
             ratio = size / last if last else 0.0
-            # Whatever degrees are counted from; where rounding of what is counted keeps from it, no further.
-            still = size <= heat.heat.rtol * float(np.abs(temperature).max(initial=0.0)) and ratio >= _FALLS
+            # Whatever degrees are counted from; where changes that fall by less than half are rounding, no further.
+            still = size <= heat.heat.rtol * float(np.abs(temperature).max(initial=0.0)) and ratio >= 0.5
             if size <= heat.heat.rtol * strain or still or not heat.heat.stresses:
                 return self._accepted(before, taken, flowed, step, course, rounds, ratio)
             last, guess = size, mixing.after(guess, change)

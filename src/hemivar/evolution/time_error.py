@@ -1,4 +1,4 @@
-"""How far implicit Euler is from the solution that is continuous in time: guaranteed, where a proof covers the problem.
+"""A posteriori bound of the time error of implicit Euler: guaranteed, where a proof covers the problem.
 
 Both bounds compare with the problem that is discrete in space; loads are straight lines in every step.  Whether they
 are is looked at in three points of each step: where they bend, what they are off counts by the rule of Gauss of these
@@ -49,7 +49,7 @@ from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
-from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.discrete import SOLVED, DiscreteEvolution
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
@@ -67,8 +67,6 @@ _SAMPLED = "the weak convexity of a law is known from samples only"
 _MOST = 1.0 - 1e-9
 #: Points of the rule of Gauss of degree 5 on a step, and their weights.
 _RULE = ((0.5 - math.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + math.sqrt(0.15), 5.0 / 18.0))
-#: Part of the load by which it may leave a straight line by rounding.
-_STRAIGHT = 1e-9
 #: A pivot of the viscosity that counts as none, against its diagonal.
 _FELT = 1e-10
 
@@ -169,7 +167,7 @@ class TimeBound:
             gap = load - (1.0 - part) * begin - part * end
             sizes = (float(np.abs(one).max(initial=0.0)) for one in (gap, load, begin, end))
             off, *size = discrete.vectors.largest(*sizes).tolist()
-            if off > _STRAIGHT * max(size):
+            if off > SOLVED * max(size):
                 self.straight = False
                 dual = self._dual(gap[: discrete.unknowns])
                 mean, square = mean + weight * math.sqrt(dual), square + weight * dual

@@ -1,4 +1,4 @@
-"""Downhill from a place on the body condensed onto its contact points, by implicit steps that grow.
+"""Gradient flow of the condensed body (Schur complement on contact points), by implicit steps that grow.
 
 The energy is followed along its gradient in a norm: that of the body, or of springs at its contact points where it
 has free motions.  A step is an equilibrium against a resistance in that norm.  It counts if it is a strict minimiser,
@@ -18,6 +18,7 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.deadline import Budget, check_time
 from hemivar.basics.types import Array
 from hemivar.evolution.barrier import PARTS, bends_downwards
+from hemivar.evolution.descent import AWAY, FLOW_STEPS, TIGHT
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import iterate
@@ -27,16 +28,10 @@ from hemivar.systems.newton_equation import Accuracy
 
 __all__ = ["Walk"]
 
-#: Steps at most.
-_STEPS = 2000
 #: By how much the resistance is eased at most and at least, and how it grows.
 _EASED, _LEAST, _GROWS = 8.0, 1.3, 4.0
-#: What it begins with, as a part of the most that is needed.
-_BEGINS = 1.0 / 64.0
-#: Part of the tolerance of the whole that a step may miss, and that is left where the body rests.
-_TIGHT, _AT_REST = 0.1, 1e-3
-#: Sizes of the body from its place at which nothing holds one that still falls.
-_AWAY = 100.0
+#: Part of the tolerance of the whole that a step may miss.
+_MISSED = 0.1
 #: Bounds that are held one after another in a step, at most.
 _FROZEN = 4
 _DIRECT = Accuracy(0.0, 0.0, 1)
@@ -57,9 +52,9 @@ class Walk:
 
     def down(self, r: Array, lam: Array) -> Solution | None:
         """The minimiser that is reached from a place near a pair (m, d); None where steps do not settle."""
-        resistance, wait, left, eased, ease = self.most * _BEGINS, 1, 1, 1.0, _EASED
+        resistance, wait, left, eased, ease = self.most / _EASED**2, 1, 1, 1.0, _EASED
         budget = Budget(self.controls.max_time)
-        for _ in range(_STEPS):
+        for _ in range(FLOW_STEPS):
             check_time()
             if budget.due():
                 return self._solution(r, lam, Status.MAX_TIME)
@@ -79,7 +74,7 @@ class Walk:
                 continue
             before, r, lam = r, point.x, point.on.multiplier
             off, allowed = resistance * norm(self.norm @ (r - before).ravel()), self._tolerance(lam)
-            if off <= _AT_REST * allowed:
+            if off <= TIGHT * allowed:
                 return self._solution(r, self._multiplier(point))
             if self._falls_for_ever(point, r - before):
                 return self._solution(r, self._multiplier(point), Status.NOT_CARRIED)
@@ -117,7 +112,7 @@ class Walk:
             point = None if change is None or equation is None else equation.at(*change[:2])
             if point is None or equation is None or not math.isfinite(missed := norm(equation.missed(point))):
                 return None
-            if missed <= _TIGHT * self._tolerance(point.on.multiplier):
+            if missed <= _MISSED * self._tolerance(point.on.multiplier):
                 return point
         return None
 
@@ -155,7 +150,7 @@ class Walk:
         field = system.problem.field
         if field is None or not len(system.rigid_modes) or not far > 0.0:
             return False
-        r = point.x + _AWAY * float(np.ptp(field.nodes, axis=0).max()) / far * increment
+        r = point.x + AWAY * float(np.ptp(field.nodes, axis=0).max()) / far * increment
         law = system.law.frozen(r, point.on.multiplier)
         if not np.array_equal(law.clamp(point.x, r), r):
             return False

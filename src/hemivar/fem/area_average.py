@@ -31,13 +31,13 @@ def area_average(problem: DiscreteProblem, values: Array) -> Array:
 
     Shapes: ``values`` (m,) or (m, k).
     """
-    stated, contact, found = problem.origin, problem.contact, values.copy()
+    stated, contact, averaged = problem.origin, problem.contact, values.copy()
     if stated is None:
-        return found
+        return averaged
     for name, cells in stated.areas.items():
         points = contact.on(name)
-        found[points] = _averaged(stated.mesh, cells, contact.node[points], values[points])
-    return found
+        averaged[points] = _averaged(stated.mesh, cells, contact.node[points], values[points])
+    return averaged
 
 
 def _averaged(mesh: Mesh, cells: IntArray, nodes: IntArray, values: Array) -> Array:

@@ -28,6 +28,7 @@ from hemivar.mechanics.conditions import (
 from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -82,10 +83,10 @@ def stiffness_blocks(mesh: Mesh, law: ConstitutiveLaw, graph: NodeGraph) -> Edge
     for part in portions(mesh, graph.order):
         edge = graph.cell_edges[part].T
         first, last = int(edge.min()), int(edge.max()) + 1
-        place = (edge - first).ravel()
+        number = (edge - first).ravel()
         points = _at_points(mesh, law, graph.order, part, late)
         for (i, j), values in pair_products(points, law.strains, graph, part):
-            upper[first:last, i, j] += np.bincount(place, weights=values.ravel(), minlength=last - first)
+            upper[first:last, i, j] += np.bincount(number, weights=values.ravel(), minlength=last - first)
     for i in range(components):
         for j in range(i + 1, components):
             both, skew = upper[:, i, j].copy(), upper[:, j, i].copy()
@@ -137,12 +138,12 @@ def _at_points(mesh: Mesh, law: ConstitutiveLaw, order: int, part: slice, late: 
         return [(1.0, gradients, mean)]
     barycentric, weights = quadrature_rule(mesh.dim, 2 * (order - 1) if law.homogeneous else 2 * order)
     flat = gradients.reshape(len(gradients), -1)
-    found: list[QuadraturePoint] = []
-    for q, (place, weight) in enumerate(zip(barycentric, weights, strict=True)):
-        h = shape_derivatives(order, place) @ flat
+    points: list[QuadraturePoint] = []
+    for q, (point, weight) in enumerate(zip(barycentric, weights, strict=True)):
+        h = shape_derivatives(order, point) @ flat
         matrix = None if late else matrices[:, 0 if law.homogeneous else q]
-        found.append((float(weight), h.reshape(-1, *gradients.shape[1:]), matrix))
-    return found
+        points.append((float(weight), h.reshape(-1, *gradients.shape[1:]), matrix))
+    return points
 
 
 def pair_products(
@@ -228,7 +229,7 @@ def load_vector(
     def on(name: str, traction: Traction) -> Density:
         if not isinstance(traction, Pressure):
             return density(traction, f"{names[1]}['{name}']")
-        value, normals = traction.value, mesh.facet_normals(mesh.boundaries[name])[0]
+        value, normals = traction.value, boundary_rule(mesh, name).normals
         return lambda points, facet: -DataField(value, f"tractions['{name}']").at(points)[:, None] * normals[facet]
 
     stated = {name: on(name, traction) for name, traction in (tractions or {}).items()}
@@ -253,9 +254,8 @@ def integrated_load(
     load = np.zeros((mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0), components))
     _add_load(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, _measured(inside, body))
     for name, density in sorted(boundaries.items()):  # in whatever order they are stated: the same sum
-        facets = mesh.boundaries[name]
-        nodes, measures = mesh.facet_nodes(facets, order), mesh.facet_normals(facets)[1]
-        _add_load(load, mesh.points, facets, nodes, measures, order, 5, _measured(density, body))
+        rule = boundary_rule(mesh, name, order)
+        _add_load(load, mesh.points, rule.facets, rule.nodes, rule.weights, order, 5, _measured(density, body))
     return load.ravel()
 
 
@@ -307,11 +307,11 @@ def _integrals(
 
     Shapes: ``table`` (q, L), the shape functions times the weights of the rule.
     """
-    found, step = [], max(_POINTS // len(table), 1)
+    means, step = [], max(_POINTS // len(table), 1)
     for start in range(0, len(simplices), step):
         part = slice(start, start + step)
         # One coordinate after the other in memory, as functions take them.
         places = np.stack([x[simplices[part]] @ barycentric.T for x in points.T]).reshape(points.shape[1], -1)
         force = density(places.T, np.repeat(number[part], len(table))).T
-        found.append(force.reshape(len(force), -1, len(table)) @ table)
-    return np.concatenate(found, axis=1)
+        means.append(force.reshape(len(force), -1, len(table)) @ table)
+    return np.concatenate(means, axis=1)

@@ -20,6 +20,7 @@ from hemivar.fem.elements import shape_values
 from hemivar.fem.mortar import Mortar
 from hemivar.fem.supports import sum_by, unit
 from hemivar.mechanics.statement import ContactProblem, Geometry
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.smooth_chains import BEND, Chains, chains
@@ -49,12 +50,12 @@ def bulge(mesh: Mesh, name: str) -> Bulge:
     A refined mesh keeps the facets of its coarsest one, whose nodes are those of the curve.
     """
     root, number, places = _coarsest(mesh, name)
-    facets = root.boundaries[name]
-    of, local = chains(root, facets), _sides(mesh.dim)
-    arcs = np.zeros((2, len(facets), mesh.dim + len(local), mesh.dim))
+    rule = boundary_rule(root, name)
+    of, local = chains(rule), _sides(mesh.dim)
+    arcs = np.zeros((2, len(rule.facets), mesh.dim + len(local), mesh.dim))
     on = np.flatnonzero(of.curved)
     if on.size:
-        arcs[:, on, mesh.dim :] = _Net.of(root, facets, of).ways()
+        arcs[:, on, mesh.dim :] = _Net.of(root, rule, of).ways()
     if root is not mesh:
         middle = [0.5 * (places[:, a] + places[:, b]) for a, b in local]
         shape = shape_values(2, np.concatenate([places, np.stack(middle, axis=1)], axis=1))
@@ -70,21 +71,21 @@ class Arcs:
     inexact: float  # what these may be off by
     warnings: tuple[str, ...]
 
-    def overlap(self, apart: Array, problem: ContactProblem, name: str, found: Mortar) -> float:
+    def overlap(self, apart: Array, problem: ContactProblem, name: str, projection: Mortar) -> float:
         """The largest overlap of two bodies at distances (m,), arcs included, by the nodes of the slave.
 
         Of a parabola the psi-weighted means of linear elements are lower than its values, by a share of how much lower
         these are than those next to them.
         """
         if self.inexact and problem.order == 1:
-            first, second = _neighbours(problem, name, found)
+            first, second = _neighbours(problem, name, projection)
             far = np.bincount(first, apart[second] - apart[first], apart.size)
             apart = apart + _LOWER[problem.mesh.dim] * far / np.maximum(np.bincount(first, minlength=apart.size), 1)
-        apart = nodal_values(problem.mesh, problem.order, found.nodes, apart)
+        apart = nodal_values(problem.mesh, problem.order, projection.nodes, apart)
         return -float(apart.min()) - self.inexact
 
 
-def arcs_of_pair(problem: ContactProblem, name: str, found: Mortar, normal: Array, title: str) -> Arcs:
+def arcs_of_pair(problem: ContactProblem, name: str, projection: Mortar, normal: Array, title: str) -> Arcs:
     """How much farther apart the arcs of two bodies are than their facets, along normals (m, d) at contact points.
 
     Where the body is meant as meshed, and where facets look curved but lie on no arc, a warning says what stress that
@@ -93,46 +94,46 @@ def arcs_of_pair(problem: ContactProblem, name: str, found: Mortar, normal: Arra
     own, other = (bulge(problem.mesh, side) for side in problem.pair(name))
     fields = ((own.arcs, other.arcs), (own.left, other.left))
     if not any(part.any() for both in fields for part in both):
-        return Arcs(np.zeros(found.nodes.size), 0.0, ())
-    arcs, left = (-np.einsum("kd,kd->k", normal, found.mean(*both)) for both in fields)
+        return Arcs(np.zeros(projection.nodes.size), 0.0, ())
+    arcs, left = (-np.einsum("kd,kd->k", normal, projection.mean(*both)) for both in fields)
     size, off = (max(float(np.linalg.norm(part, axis=2).max()) for part in both) for both in fields)
     seen, more = (float(np.abs(part).max()) > _ROUNDED * problem.mesh.size for part in (arcs, left))
-    said: tuple[str, ...] = ()  # so it stays where sides are flat, or the facets of both coincide
+    warnings: tuple[str, ...] = ()  # so it stays where sides are flat, or the facets of both coincide
     if problem.geometry is Geometry.AS_MESHED:
         if seen:
-            said = (
+            warnings = (
                 f"{title}: arcs through the nodes are up to {size:.3g} off the facets, but the geometry is as meshed: "
-                f"the pressure ripples by about {_ripple(problem, name, found, arcs):g}",
+                f"the pressure ripples by about {_ripple(problem, name, projection, arcs):g}",
             )
-        return Arcs(np.zeros_like(arcs), 0.0, said)
+        return Arcs(np.zeros_like(arcs), 0.0, warnings)
     if seen:
-        said = (
+        warnings = (
             f"{title}: the facets stand for arcs that are up to {size:.3g} off them, and the gap is that of the arcs; "
             'geometry = "as-meshed" keeps that of the facets',
         )
     if more and off > size:
-        said += (
+        warnings += (
             f"{title}: the sides look curved, but their nodes lie on no arcs; facets that are {off:.3g} off or so let "
-            f"the pressure ripple by about {_ripple(problem, name, found, left):g}: mesh them anew, with nodes on the "
-            "curve",
+            f"the pressure ripple by about {_ripple(problem, name, projection, left):g}: mesh them anew, with nodes "
+            "on the curve",
         )
-    return Arcs(arcs, _INEXACT * size, said)
+    return Arcs(arcs, _INEXACT * size, warnings)
 
 
-def _ripple(problem: ContactProblem, name: str, found: Mortar, apart: Array) -> float:
+def _ripple(problem: ContactProblem, name: str, projection: Mortar, apart: Array) -> float:
     """The size of the stress, to two digits, that distances (m,) make if they should be the same."""
-    first, second = _neighbours(problem, name, found)
-    points = problem.mesh.nodes(problem.order)[found.nodes]
+    first, second = _neighbours(problem, name, projection)
+    points = problem.mesh.nodes(problem.order)[projection.nodes]
     slope = np.abs(apart[first] - apart[second]) / np.linalg.norm(points[first] - points[second], axis=1)
     soft = sum(1.0 / problem.stiffness_at(side) for side in problem.pair(name))
     return float(f"{slope.max(initial=0.0) / soft:.2g}")
 
 
-def _neighbours(problem: ContactProblem, name: str, found: Mortar) -> tuple[IntArray, IntArray]:
+def _neighbours(problem: ContactProblem, name: str, projection: Mortar) -> tuple[IntArray, IntArray]:
     """Contact points (c,) and (c,) of one facet of the slave, each pair as often as it has facets, both ways."""
-    mesh, place = problem.mesh, np.full(found.jump.shape[1], -1)
-    place[found.nodes] = np.arange(found.nodes.size)
-    ends = place[mesh.facet_nodes(mesh.boundaries[problem.pair(name)[0]], problem.order)]
+    mesh, number = problem.mesh, np.full(projection.jump.shape[1], -1)
+    number[projection.nodes] = np.arange(projection.nodes.size)
+    ends = number[boundary_rule(mesh, problem.pair(name)[0], problem.order).nodes]
     first, second = (ends[:, part].ravel() for part in np.nonzero(~np.eye(ends.shape[1], dtype=bool)))
     both = (first >= 0) & (second >= 0)
     return first[both], second[both]
@@ -179,13 +180,12 @@ class _Net:
     sharp: BoolArray  # (n,), where it meets itself at a larger angle
 
     @classmethod
-    def of(cls, mesh: Mesh, facets: IntArray, of: Chains) -> _Net:
-        """That of the curved ones of facets (k, d)."""
-        count, dim = mesh.number_of_nodes, mesh.dim
+    def of(cls, mesh: Mesh, rule: BoundaryRule, of: Chains) -> _Net:
+        """That of the curved facets of a boundary."""
+        facets, count, dim = rule.facets, mesh.number_of_nodes, mesh.dim
         keys = of.chain[:, None] * count + facets
         known, own = np.unique(keys[of.curved], return_inverse=True)
         own = own.reshape(-1, dim)
-        normals, measures = mesh.facet_normals(facets[of.curved])
         ends = np.sort(np.stack([own[:, pair] for pair in _sides(dim)], axis=1).reshape(-1, 2), axis=1)
         edges, edge, often = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
         border = np.zeros(len(known), dtype=bool)
@@ -193,7 +193,8 @@ class _Net:
         one, other = of.pairs[(of.angle > BEND) & (of.chain[of.pairs[:, 0]] == of.chain[of.pairs[:, 1]])].T
         met = (facets[one][:, :, None] == facets[other][:, None]).any(axis=2)
         sharp = np.isin(known, keys[one][met])
-        summed = sum_by(own.ravel(), np.repeat(normals * measures[:, None], dim, axis=0), len(known))
+        weighted = (rule.normals * rule.weights[:, None])[of.curved]
+        summed = sum_by(own.ravel(), np.repeat(weighted, dim, axis=0), len(known))
         summed[sharp] = np.eye(dim)[0]  # they may cancel there, where nothing is an arc
         return cls(mesh.points[known % count], unit(summed), edges, edge.reshape(len(own), -1), border, sharp)
 
@@ -205,8 +206,8 @@ class _Net:
         ends = np.stack([self._turns(surface, each, node) for node in self.edges.T])
         largest = np.take_along_axis(ends, np.argmax(np.abs(ends), axis=0)[None], axis=0)[0]
         out = unit(self.normals[self.edges].sum(axis=1)) / 8.0
-        found = np.stack([limited[:, None] * out, (largest - limited)[:, None] * out])
-        return np.asarray(found[:, self.edge])
+        offsets = np.stack([limited[:, None] * out, (largest - limited)[:, None] * out])
+        return np.asarray(offsets[:, self.edge])
 
     def _turns(self, surface: tuple[Array, Array], edge: IntArray, node: IntArray) -> Array:
         """Curvature at nodes (c,) along edges (c,), times the square of their lengths, (c,)."""
@@ -250,24 +251,24 @@ class _Net:
         ``height (t . t)/(way . way) = slope . t + curvature (t . t)/2``: along their own normals nodes of a circle or a
         sphere have its curvature exactly.
         """
-        way, (count, dim) = self.points[other] - self.points[node], normals.shape
+        chord, (count, dim) = self.points[other] - self.points[node], normals.shape
         tangents = np.linalg.svd(normals[:, None])[2][:, 1:]
-        square = (way**2).sum(axis=1)
+        square = (chord**2).sum(axis=1)
         scale = np.sqrt(np.bincount(node, square, count) / np.bincount(node, minlength=count))
-        t = np.einsum("cd,cad->ca", way, tangents[node])
+        t = np.einsum("cd,cad->ca", chord, tangents[node])
         flat = np.maximum(np.linalg.norm(t, axis=1), np.finfo(float).tiny)
-        t, height = t / flat[:, None], flat * np.einsum("cd,cd->c", way, normals[node]) / square
+        t, height = t / flat[:, None], flat * np.einsum("cd,cd->c", chord, normals[node]) / square
         pairs = [(a, b) for a in range(dim - 1) for b in range(a, dim - 1)]
         bends = np.column_stack([t[:, a] * t[:, b] * (0.5 if a == b else 1.0) for a, b in pairs])
         row = np.hstack([t, bends * (flat / scale[node])[:, None]])
         both = np.concatenate([row[:, :, None] * row[:, None, :], (row * height[:, None])[:, None]], axis=1)
         summed = sum_by(node, both.reshape(len(node), -1), count).reshape(count, *both.shape[1:])
-        found = np.einsum("nij,nj->ni", np.linalg.pinv(summed[:, :-1], rcond=_FLAT, hermitian=True), summed[:, -1])
-        found[self.sharp] = 0.0
+        fit = np.einsum("nij,nj->ni", np.linalg.pinv(summed[:, :-1], rcond=_FLAT, hermitian=True), summed[:, -1])
+        fit[self.sharp] = 0.0
         bent = np.zeros((count, dim - 1, dim - 1))
         for k, (a, b) in enumerate(pairs, dim - 1):
-            bent[:, a, b] = bent[:, b, a] = -found[:, k] / scale
-        turned = unit(normals - np.einsum("na,nad->nd", found[:, : dim - 1], tangents))
+            bent[:, a, b] = bent[:, b, a] = -fit[:, k] / scale
+        turned = unit(normals - np.einsum("na,nad->nd", fit[:, : dim - 1], tangents))
         return turned, np.asarray(np.einsum("nai,nab,nbj->nij", tangents, bent, tangents))
 
 

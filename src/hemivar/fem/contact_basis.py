@@ -17,11 +17,24 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import quadrature_rule
+from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.statement import Quadrature
+from hemivar.mesh.boundary_rule import BoundaryRule
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["contact_shapes", "lagrange_moments", "nodal_depths", "nodal_values", "seen_gap", "seen_values"]
+__all__ = [
+    "contact_shapes",
+    "contact_weights",
+    "lagrange_moments",
+    "nodal_depths",
+    "nodal_values",
+    "seen_gap",
+    "seen_values",
+]
 
+#: Share of a weight in that of facets at the largest radius that is rounding.
+_NONE = 1e-9
 #: With it the weight of a corner is 2/15 of the triangle, and that of a middle 1/5.
 _ALPHA = 0.2
 #: How far a gap may be off the parabola of an edge, of the second difference there: less than at a kink or a step.
@@ -46,6 +59,22 @@ def contact_shapes(order: int, barycentric: Array) -> Array:
     return shapes @ _CHANGE.T if shapes.shape[-1] == len(_CHANGE) else shapes
 
 
+def contact_weights(mesh: Mesh, rule: BoundaryRule, body: BodyKinematics) -> tuple[Array, BoolArray]:
+    """Integrals (N,) of the functions of contact over a boundary, by node; and which of them are no more than rounding.
+
+    None they are away from it, and on the axis of a body of revolution: at corners of quadratic facets, and at those of
+    facets along it.
+    """
+    barycentric, weights = quadrature_rule(mesh.dim - 1, rule.order + body.ring)
+    points = np.einsum("qc,fcd->fqd", barycentric, mesh.points[rule.facets])
+    parts = (body.measure(points) * weights) @ contact_shapes(rule.order, barycentric)
+    count = mesh.number_of_nodes + (len(mesh.edges) if rule.order == 2 else 0)
+    size, own = np.zeros(count), np.zeros(count)
+    np.add.at(size, rule.nodes, rule.weights[:, None])
+    np.add.at(own, rule.nodes, rule.weights[:, None] * parts)
+    return own, np.asarray(own <= _NONE * float(body.measure(mesh.points).max()) * size)
+
+
 def lagrange_moments(moments: Array) -> Array:
     """Integrals against the functions of Lagrange by those against these functions, (..., L)."""
     return moments @ np.linalg.inv(_CHANGE).T if moments.shape[-1] == len(_CHANGE) else moments
@@ -53,9 +82,9 @@ def lagrange_moments(moments: Array) -> Array:
 
 def nodal_values(mesh: Mesh, order: int, nodes: IntArray, seen: Array) -> Array:
     """A field at nodes (k, ...) by the values seen there; these where an end of the edge is not among the nodes."""
-    found, (at, ends) = seen.copy(), _middles(mesh, order, nodes)
-    found[at] = (1.0 - 2.0 * _ALPHA) * seen[at] + _ALPHA * seen[ends].sum(axis=1)
-    return found
+    field, (at, ends) = seen.copy(), _middles(mesh, order, nodes)
+    field[at] = (1.0 - 2.0 * _ALPHA) * seen[at] + _ALPHA * seen[ends].sum(axis=1)
+    return field
 
 
 def nodal_depths(problem: DiscreteProblem, seen: Array) -> Array:
@@ -63,11 +92,11 @@ def nodal_depths(problem: DiscreteProblem, seen: Array) -> Array:
     stated, contact = problem.origin, problem.contact
     if stated is None or stated.order == 1 or stated.mesh.dim == 2 or stated.quadrature is not Quadrature.NODAL:
         return seen
-    found = seen.copy()
+    depths = seen.copy()
     for number in np.unique(contact.boundary):
         at = np.flatnonzero(contact.boundary == number)
-        found[at] = nodal_values(stated.mesh, stated.order, contact.node[at], seen[at])
-    return found
+        depths[at] = nodal_values(stated.mesh, stated.order, contact.node[at], seen[at])
+    return depths
 
 
 def seen_gap(
@@ -80,7 +109,7 @@ def seen_gap(
     So it does where contact sees the node ``alone (k,)``.  ``gaps`` gives those at other ``places``, of which there is
     a row for each node.
     """
-    found, (at, ends) = gap.copy(), _middles(mesh, order, nodes)
+    seen, (at, ends) = gap.copy(), _middles(mesh, order, nodes)
     edges = np.column_stack([ends[:, 0], at, ends[:, 1]])
     edges = edges[np.isfinite(gap[edges]).all(axis=1) & ~alone[at]]
     bend = gap[edges] @ [1.0, -2.0, 1.0]
@@ -89,18 +118,18 @@ def seen_gap(
         between = np.einsum("qn,end->qed", _QUARTERS, places[edges])
         off = [np.abs(gaps(one) - gap[edges] @ part) for one, part in zip(between, _QUARTERS, strict=True)]
         bend[np.max(off, axis=0) > _PARABOLA * np.abs(bend)] = 0.0
-        found[edges[:, 1]] -= _ALPHA / (1.0 - 2.0 * _ALPHA) * bend
-    return found
+        seen[edges[:, 1]] -= _ALPHA / (1.0 - 2.0 * _ALPHA) * bend
+    return seen
 
 
 def _middles(mesh: Mesh, order: int, nodes: IntArray) -> tuple[IntArray, IntArray]:
     """Places among nodes (k,) of middles of edges, and those of their ends (m, 2), where these are among them."""
     if order == 1 or mesh.dim == 2:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
-    place = np.full(mesh.number_of_nodes + len(mesh.edges), -1)
-    place[nodes] = np.arange(len(nodes))
+    number = np.full(mesh.number_of_nodes + len(mesh.edges), -1)
+    number[nodes] = np.arange(len(nodes))
     middle = np.flatnonzero(nodes >= mesh.number_of_nodes)
-    ends = place[mesh.edges[nodes[middle] - mesh.number_of_nodes]]
+    ends = number[mesh.edges[nodes[middle] - mesh.number_of_nodes]]
     both = (ends >= 0).all(axis=1)
     return middle[both], ends[both]
 

@@ -14,18 +14,18 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair, bulge
-from hemivar.fem.contact_basis import seen_gap, seen_values
+from hemivar.fem.contact_basis import contact_weights, seen_gap, seen_values
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
-from hemivar.fem.rings import facet_shares, weightless
 from hemivar.fem.sharp_corners import handed_on
-from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
+from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
 from hemivar.mechanics.conditions import LARGEST, DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import Normals, obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Geometry, Quadrature
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = [
@@ -89,29 +89,26 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     mesh, order, contact = problem.mesh, problem.order, problem.contact[name]
     if contact.against:
         return _pair(problem, name, supports)
-    facets = mesh.boundaries[name]
-    members = mesh.facet_nodes(facets, order)
-    normals, measures = mesh.facet_normals(facets)
+    rule = boundary_rule(mesh, name, order)
     count, dim = supports.nodes.shape
-    weights: Array
-    share = shares(order, dim)
     if problem.quadrature is Quadrature.NODAL:
-        nodes, place, normal = _nodal_normals(problem, name, facets, supports)
-        parts = facet_shares(mesh, facets, order, problem.kinematics.ring)
-        weights = np.asarray(np.bincount(place, weights=parts.ravel()), dtype=float)
-        seen = ~weightless(mesh, facets, order, problem.kinematics.ring)[nodes]
+        nodes, normal = _nodal_normals(problem, name, rule, supports)
+        weights, none = contact_weights(mesh, rule, problem.kinematics)
+        seen = ~none[nodes]
         if not seen.any():
             raise ProblemError(
                 f"contact boundary '{name}' lies on the axis of the body of revolution, where nothing can touch it; "
                 "name another boundary"
             )
-        nodes, weights, normal = nodes[seen], weights[seen], normal[seen]
+        nodes, normal = nodes[seen], normal[seen]
+        weights = weights[nodes]
         average, facet, points = _seen(mesh, order, nodes, supports), np.full(len(nodes), -1), supports.nodes[nodes]
     else:
-        rows = np.repeat(np.arange(len(facets)), members.shape[1])
-        nodes, facet = np.full(len(facets), -1), np.arange(len(facets))
-        average = sp.csr_array((np.tile(share, len(facets)), (rows, members.ravel())), shape=(len(facets), count))
-        normal, weights, points = unit(normals), measures, mesh.points[facets].mean(axis=1)
+        number, share = len(rule.facets), shares(order, dim)
+        nodes, facet = np.full(number, -1), np.arange(number)
+        rows = np.repeat(facet, share.size)
+        average = sp.csr_array((np.tile(share, number), (rows, rule.nodes.ravel())), shape=(number, count))
+        normal, weights, points = unit(rule.normals), rule.weights, mesh.points[rule.facets].mean(axis=1)
     if contact.obstacle is None:
         gap = _stated_gap(problem, average, nodes, points, f"gap of contact '{name}'", contact.gap)
     else:
@@ -132,13 +129,13 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     blocked = np.zeros((len(points), dim), dtype=bool)
     if problem.quadrature is Quadrature.NODAL:
         frames, blocked = adapted(frames, supports.directions[nodes], supports.count[nodes])
-        blocked |= _held_alone(average, nodes, frames, supports)
+        blocked |= _fixed_alone(average, nodes, frames, supports)
     names = tuple(problem.contact)
     boundary = np.full(len(points), names.index(name))
     trace = local_components(average, frames)
-    found = ContactPoints(trace, weights, points, frames, nodes, facet, boundary, names, mean=average)
+    contact_points = ContactPoints(trace, weights, points, frames, nodes, facet, boundary, names, mean=average)
     with error_context(f"contact '{name}'", contact.normal, contact.friction):
-        return BoundaryContact(found, gap, belt, contact.law.at(points), blocked)
+        return BoundaryContact(contact_points, gap, belt, contact.law.at(points), blocked)
 
 
 def _seen(mesh: Mesh, order: int, nodes: IntArray, supports: Supports) -> sp.csr_array:
@@ -146,9 +143,9 @@ def _seen(mesh: Mesh, order: int, nodes: IntArray, supports: Supports) -> sp.csr
     average, free = seen_values(mesh, order, nodes), (supports.count < mesh.dim).astype(float)
     moves = (abs(average) @ free > 0.0).astype(float)
     alone = sp.csr_array((1.0 - moves, (np.arange(len(nodes)), nodes)), shape=average.shape)
-    found = sp.csr_array(sp.diags_array(moves) @ average + alone)
-    found.eliminate_zeros()
-    return found
+    matrix = sp.csr_array(sp.diags_array(moves) @ average + alone)
+    matrix.eliminate_zeros()
+    return matrix
 
 
 def _stated_gap(
@@ -174,48 +171,41 @@ def _gaps_along(contact: Contact) -> Callable[[Array], Array]:
 
 def _to_arcs(problem: ContactProblem, name: str, nodes: IntArray) -> Array:
     """Ways (k, d) from nodes to the arcs that the facets of a boundary stand for, of quadratic tetrahedra."""
-    mesh, found = problem.mesh, np.zeros((len(nodes), problem.mesh.dim))
+    mesh, offsets = problem.mesh, np.zeros((len(nodes), problem.mesh.dim))
     if problem.order == 2 and mesh.dim == 3 and problem.geometry is Geometry.CURVED:
-        members = mesh.facet_nodes(mesh.boundaries[name], 2)
-        found[np.searchsorted(nodes, members)] = bulge(mesh, name).arcs
-    return found
+        offsets[np.searchsorted(nodes, boundary_rule(mesh, name, 2).nodes)] = bulge(mesh, name).arcs
+    return offsets
 
 
-def _held_alone(average: sp.csr_array, nodes: IntArray, frames: Array, supports: Supports) -> BoolArray:
+def _fixed_alone(average: sp.csr_array, nodes: IntArray, frames: Array, supports: Supports) -> BoolArray:
     """Directions (k, d) in which supports hold the node of a contact point, and not the others that it sees."""
     entries = average.tocoo()
     moves = np.linalg.norm(movable(frames[entries.row], supports.directions[entries.col]), axis=2) > DEPENDENT
     own = entries.col == nodes[entries.row]
-    held = np.zeros(frames.shape[:2], dtype=bool)
-    held[entries.row[own]] = ~moves[own]
-    others = np.zeros(held.shape, dtype=bool)
+    fixed = np.zeros(frames.shape[:2], dtype=bool)
+    fixed[entries.row[own]] = ~moves[own]
+    others = np.zeros(fixed.shape, dtype=bool)
     np.logical_or.at(others, entries.row, moves)
-    return held & others
+    return fixed & others
 
 
 def _nodal_normals(
-    problem: ContactProblem, name: str, facets: IntArray, supports: Supports, share: Array | float = 1.0
-) -> tuple[IntArray, IntArray, Array]:
-    """Nodes (k,) of facets (f, d), the place among them of each node of a facet (f n,), and unit normals (k, d).
-
-    These are means of those of the facets around, by their measures, of which the ``share`` (f, n) counts.
-    """
-    normals, measures = problem.mesh.facet_normals(facets)
-    members = problem.mesh.facet_nodes(facets, problem.order)
-    nodes, place = np.unique(members.ravel(), return_inverse=True)
-    place, counted = place.ravel(), np.broadcast_to(measures[:, None] * share, members.shape).ravel()
-    summed = sum_by(place, np.repeat(normals, members.shape[1], axis=0) * counted[:, None], len(nodes))
+    problem: ContactProblem, name: str, rule: BoundaryRule, supports: Supports, share: Array | float = 1.0
+) -> tuple[IntArray, Array]:
+    """Nodes (k,) of facets, and unit normals (k, d) there: see :meth:`BoundaryRule.summed_normals`."""
+    nodes, number, summed = rule.summed_normals(share)
+    size = np.bincount(number, np.broadcast_to(rule.weights[:, None] * share, rule.nodes.shape).ravel())
     # on the axis of a body of revolution the other half of the section is the mirror image
     middle = problem.kinematics.on_axis(supports.nodes)[nodes] & (np.abs(summed[:, 1]) > np.abs(summed[:, 0]))
     summed[middle, 0] = 0.0
-    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * np.bincount(place, weights=counted)
+    fold = np.linalg.norm(summed, axis=1) <= 1e-8 * size
     if fold.any():
         bad = int(nodes[np.flatnonzero(fold)[0]])
         raise ProblemError(
             f"contact boundary '{name}' folds back on itself at node {bad}, x = "
             f"{in_words(supports.nodes[bad])}, so it has no normal there; split it into two boundaries"
         )
-    return nodes, place, unit(summed)
+    return nodes, unit(summed)
 
 
 def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> tuple[Mortar, Array]:
@@ -223,22 +213,25 @@ def pair_projection(problem: ContactProblem, name: str, supports: Supports) -> t
 
     Normals are those of the facets that meet the master.
     """
-    mesh, order, title = problem.mesh, problem.order, _called(problem, name)
-    slave, master = problem.pair(name)
-    pieces = paired(mesh, mesh.boundaries[slave], mesh.boundaries[master], title)
-    touching, away = np.flatnonzero(pieces.touches), handed_on(mesh, order, pieces)
+    title, sides = _called(problem, name), problem.pair(name)
+    pieces = _facing(problem, sides, title)
+    touching, away = np.flatnonzero(pieces.touches), handed_on(pieces)
     counted = pieces.covered[touching, None] * ~away[touching]
-    nodes, _, normal = _nodal_normals(problem, slave, mesh.boundaries[slave][touching], supports, counted)
+    nodes, normal = _nodal_normals(problem, sides[0], pieces.sides[0].take(touching), supports, counted)
     free = movable(normal[:, None], supports.directions[nodes])[:, 0]
-    held = np.zeros(len(supports.nodes), dtype=bool)
-    held[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
+    fixed = np.zeros(len(supports.nodes), dtype=bool)
+    fixed[nodes] = np.linalg.norm(free, axis=1) <= DEPENDENT
     given_up = np.flatnonzero(pieces.touches & away.all(axis=1))
     pieces = replace(pieces, lost=np.union1d(pieces.lost, given_up))
-    without = away | held[mesh.facet_nodes(mesh.boundaries[slave], order)]
-    found = mortar(mesh, order, pieces, without, problem.kinematics.ring)
-    if not found.nodes.size:
-        raise ProblemError(f"{title}: supports hold all nodes of '{slave}'; give slave = '{master}'")
-    return found, normal[np.searchsorted(nodes, found.nodes)]
+    projection = mortar(problem.mesh, pieces, away | fixed[pieces.sides[0].nodes], problem.kinematics)
+    if not projection.nodes.size:
+        raise ProblemError(f"{title}: supports hold all nodes of '{sides[0]}'; give slave = '{sides[1]}'")
+    return projection, normal[np.searchsorted(nodes, projection.nodes)]
+
+
+def _facing(problem: ContactProblem, sides: tuple[str, str], title: str) -> Pairing:
+    slave, master = (boundary_rule(problem.mesh, side, problem.order) for side in sides)
+    return paired(problem.mesh, (slave, master), title)
 
 
 def _called(problem: ContactProblem, name: str) -> str:
@@ -248,31 +241,39 @@ def _called(problem: ContactProblem, name: str) -> str:
 def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
     """The contact points of two bodies: nodes of the slave, with the jump that the mortar projection gives."""
     contact, title = problem.contact[name], _called(problem, name)
-    found, normal = pair_projection(problem, name, supports)
-    points = supports.nodes[found.nodes]
-    stated = _stated_gap(problem, found.jump, found.nodes, points, f"gap of {title}", contact.gap)
-    arcs = arcs_of_pair(problem, name, found, normal, title)
+    projection, normal = pair_projection(problem, name, supports)
+    points = supports.nodes[projection.nodes]
+    stated = _stated_gap(problem, projection.jump, projection.nodes, points, f"gap of {title}", contact.gap)
+    arcs = arcs_of_pair(problem, name, projection, normal, title)
     nodes = supports.nodes - points[0]
-    apart = arcs.apart - np.einsum("kd,kd->k", normal, found.jump @ nodes)
+    apart = arcs.apart - np.einsum("kd,kd->k", normal, projection.jump @ nodes)
     rounding = _ROUNDED * np.abs(nodes).max() + _EPSILONS * np.abs(supports.nodes).max()
     apart[np.abs(apart) <= rounding] = 0.0  # a rigid law would be met beyond its end
-    held = supports.directions[found.nodes]
-    frames, blocked = adapted(frames_of(normal), held, supports.count[found.nodes])
-    moves = np.linalg.norm(movable(frames, held), axis=2) > DEPENDENT
+    fixed = supports.directions[projection.nodes]
+    frames, blocked = adapted(frames_of(normal), fixed, supports.count[projection.nodes])
+    moves = np.linalg.norm(movable(frames, fixed), axis=2) > DEPENDENT
     names, count = tuple(problem.contact), len(points)
-    trace, boundary = local_components(found.jump, frames), np.full(count, names.index(name))
+    trace, boundary = local_components(projection.jump, frames), np.full(count, names.index(name))
     kept = moves.ravel()
     kept[~kept] = _seen_apart(sp.csr_array(trace[~kept]), np.repeat(supports.count == 0, supports.nodes.shape[1]))
     trace = sp.csr_array(sp.diags_array(kept.astype(float)) @ trace)
     pairs = {name: problem.pair(name)}
     at = ContactPoints(
-        trace, found.weights, points, frames, found.nodes, boundary=boundary, names=names, mean=found.jump, pairs=pairs
+        trace,
+        projection.weights,
+        points,
+        frames,
+        projection.nodes,
+        boundary=boundary,
+        names=names,
+        mean=projection.jump,
+        pairs=pairs,
     )
-    said = _pair_warnings(title, arcs.overlap(apart, problem, name, found), supports.nodes, found.turned)
-    said += _lost(title, supports.nodes, found.pieces)
+    warnings = _pair_warnings(title, arcs.overlap(apart, problem, name, projection), supports.nodes, projection.turned)
+    warnings += _lost(title, supports.nodes, projection.pieces)
     with error_context(title, contact.normal, contact.friction):
         law, still = contact.law.at(points), np.zeros(points.shape)
-        return BoundaryContact(at, stated + apart, still, law, blocked, True, (*said, *arcs.warnings))
+        return BoundaryContact(at, stated + apart, still, law, blocked, True, (*warnings, *arcs.warnings))
 
 
 def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
@@ -281,37 +282,37 @@ def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
     Friction acts there between the master and the slave that is held.  Without it the master would miss that share of
     a shear that goes through.
     """
-    seen, found = sp.csc_array(rows[:, free]), np.zeros(rows.shape[0], dtype=bool)
+    seen, independent = sp.csc_array(rows[:, free]), np.zeros(rows.shape[0], dtype=bool)
     seen = seen[:, np.diff(seen.indptr) > 0]
     if min(seen.shape):
         _, corner, order = la.qr(seen.toarray().T, mode="economic", pivoting=True)
         size = np.abs(np.diagonal(corner))
-        found[order[: size.size][size > _SEEN]] = True
-    return found
+        independent[order[: size.size][size > _SEEN]] = True
+    return independent
 
 
 def _pair_warnings(title: str, overlap: float, nodes: Array, turned: float) -> tuple[str, ...]:
-    found = []
+    warnings = []
     if overlap > _OVERLAP * float(np.ptp(nodes, axis=0).max()):
-        found.append(
+        warnings.append(
             f"{title}: the meshes overlap by up to {overlap:.3g}, which is taken for an interference; if it is not "
             "meant, move one of the bodies"
         )
     if turned > _TURNED:
-        found.append(
+        warnings.append(
             f"{title}: facets that touch are up to {turned:.0f} degrees from parallel; beyond {_TURNED:.0f} degrees "
             "the projection of one on the other is inaccurate: refine both boundaries there"
         )
-    return tuple(found)
+    return tuple(warnings)
 
 
 def _lost(title: str, nodes: Array, pieces: Pairing) -> tuple[str, ...]:
     """A sentence on facets of the slave that do not touch what their normals meet, where there are some."""
     if not len(pieces.lost):
         return ()
-    place = in_words(nodes[pieces.facets[0][pieces.lost[0]]].mean(axis=0))
+    point = in_words(nodes[pieces.sides[0].facets[pieces.lost[0]]].mean(axis=0))
     return (
-        f"{title}: facets do not touch what their normals meet, {len(pieces.lost)} of them, the first at x = {place}; "
+        f"{title}: facets do not touch what their normals meet, {len(pieces.lost)} of them, the first at x = {point}; "
         "another part of the mesh is in between, the overlap is deeper than the body, or their corners belong to "
         "nearer sides: name the boundary that they meet first, or move one of the bodies",
     )
@@ -326,30 +327,30 @@ def area_contacts(problem: ContactProblem, supports: Supports, others: list[Boun
     names, free = tuple(problem.contact), supports.count < dim
     beside = [one.points for one in others if one.points.count]
     taken = [(one.names[one.boundary[0]], np.unique(one.seen // dim)) for one in beside]
-    found = []
-    for place in _places(problem, len(nodes), list(problem.areas)):
+    groups = []
+    for site in _sites(problem, len(nodes), list(problem.areas)):
         for name, own in taken:
-            _refuse_shared(name, own, place, nodes, free)
-        contact, at, count = place.contact, nodes[place.nodes], len(place.nodes)
+            _refuse_shared(name, own, site, nodes, free)
+        contact, at, count = site.contact, nodes[site.nodes], len(site.nodes)
         frames = np.zeros((count, dim + 1, dim))
-        frames[:, 1:] = _tangents(supports, place.nodes)
-        with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
+        frames[:, 1:] = _tangents(supports, site.nodes)
+        with error_context(f"contact '{site.name}'", contact.normal, contact.friction):
             law = contact.law.at(at)
-        mean = seen_values(problem.mesh, 1, place.nodes)
-        boundary = np.full(count, names.index(place.name))
+        mean = seen_values(problem.mesh, 1, site.nodes)
+        boundary = np.full(count, names.index(site.name))
         trace = local_components(mean, frames)
-        points = ContactPoints(trace, place.weights, at, frames, place.nodes, boundary=boundary, names=names, mean=mean)
-        belt = DataField(contact.belt, f"belt of contact '{place.name}'", dim).at(at)
-        found.append(BoundaryContact(points, np.zeros(count), belt, law, np.zeros((count, dim + 1), dtype=bool)))
-    return found
+        points = ContactPoints(trace, site.weights, at, frames, site.nodes, boundary=boundary, names=names, mean=mean)
+        belt = DataField(contact.belt, f"belt of contact '{site.name}'", dim).at(at)
+        groups.append(BoundaryContact(points, np.zeros(count), belt, law, np.zeros((count, dim + 1), dtype=bool)))
+    return groups
 
 
 def _tangents(supports: Supports, nodes: IntArray) -> Array:
     """Axes (k, 2, 2) at nodes of the plane; where a support holds one direction it is the second of them."""
     axes = np.broadcast_to(np.eye(2), (len(nodes), 2, 2)).copy()
     once = np.flatnonzero(supports.count[nodes] == 1)
-    held = supports.directions[nodes[once], 0]
-    axes[once] = np.stack([np.column_stack([held[:, 1], -held[:, 0]]), held], axis=1)
+    fixed = supports.directions[nodes[once], 0]
+    axes[once] = np.stack([np.column_stack([fixed[:, 1], -fixed[:, 0]]), fixed], axis=1)
     return axes
 
 
@@ -367,44 +368,44 @@ def contacts_of_one(
     nodes = supports.nodes
     pairs = [name for name, contact in problem.contact.items() if contact.against]
     boundaries = [name for name in problem.contact if name not in problem.areas and name not in pairs]
-    places = _places(problem, len(nodes), boundaries) + _places(problem, len(nodes), list(problem.areas))
-    for first in places[: len(boundaries)]:
-        for second in places[len(boundaries) :]:
+    sites = _sites(problem, len(nodes), boundaries) + _sites(problem, len(nodes), list(problem.areas))
+    for first in sites[: len(boundaries)]:
+        for second in sites[len(boundaries) :]:
             _refuse_shared(first.name, first.nodes, second, nodes, supports.count == 0)
-    names = (*(place.name for place in places), *pairs)
+    names = (*(site.name for site in sites), *pairs)
     taken = np.zeros(len(nodes), dtype=bool)
-    for place in places:
-        taken[place.nodes] = True
-    places += [_joint(problem, name, supports.count > 0, taken) for name in pairs if name not in known]
+    for site in sites:
+        taken[site.nodes] = True
+    sites += [_joint(problem, name, supports.count > 0, taken) for name in pairs if name not in known]
     components = 2 if any(contact.rubs for contact in problem.contact.values()) else 1
-    found = dict(known)
-    for place in places:
-        contact, at, count = place.contact, nodes[place.nodes], len(place.nodes)
-        where = f"level of contact '{place.name}'"
-        sign = 1.0 if contact.side is Side.ABOVE and (place.sides is None or place.sides[0] == place.name) else -1.0
-        with error_context(f"contact '{place.name}'", contact.normal, contact.friction):
+    groups = dict(known)
+    for site in sites:
+        contact, at, count = site.contact, nodes[site.nodes], len(site.nodes)
+        where = f"level of contact '{site.name}'"
+        sign = 1.0 if contact.side is Side.ABOVE and (site.sides is None or site.sides[0] == site.name) else -1.0
+        with error_context(f"contact '{site.name}'", contact.normal, contact.friction):
             law = contact.law.at(at)
         column = int(contact.rubs)
-        mean = seen_values(problem.mesh, problem.order, place.nodes) if place.jump is None else place.jump
-        level = _stated_gap(problem, mean, place.nodes, at, where, contact.gap)
+        mean = seen_values(problem.mesh, problem.order, site.nodes) if site.jump is None else site.jump
+        level = _stated_gap(problem, mean, site.nodes, at, where, contact.gap)
         entries = mean.tocoo()
         rows = entries.row * components + column
         trace = sp.csr_array((sign * entries.data, (rows, entries.col)), shape=(count * components, len(nodes)))
         points = ContactPoints(
-            trace, place.weights, at, node=place.nodes, boundary=np.full(count, names.index(place.name)), names=names,
+            trace, site.weights, at, node=site.nodes, boundary=np.full(count, names.index(site.name)), names=names,
             mean=mean,
-            pairs={place.name: place.sides} if place.sides else {},
+            pairs={site.name: site.sides} if site.sides else {},
         )  # fmt: skip
         offset = np.zeros((count, components))
         offset[:, column] = sign * level
         blocked = np.zeros((count, components), dtype=bool)
-        pair = place.sides is not None
-        found[place.name] = BoundaryContact(points, offset[:, 0], offset[:, 1:], law, blocked, pair, place.warnings)
-    return [found[name] for name in names]
+        pair = site.sides is not None
+        groups[site.name] = BoundaryContact(points, offset[:, 0], offset[:, 1:], law, blocked, pair, site.warnings)
+    return [groups[name] for name in names]
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _Site:
     """The nodes of one contact, with their weights; of two bodies the slave and the master, and the jump there."""
 
     name: str
@@ -416,54 +417,53 @@ class _Place:
     warnings: tuple[str, ...] = ()
 
 
-def _joint(problem: ContactProblem, name: str, held: BoolArray, taken: BoolArray) -> _Place:
+def _joint(problem: ContactProblem, name: str, fixed: BoolArray, taken: BoolArray) -> _Site:
     """The nodes of the slave of two bodies.
 
     ``held (nodes,)`` are those whose values supports prescribe, ``taken (nodes,)`` those of contact with foundations:
     both leave the joint to the nodes beside them, where there are some.
     """
     mesh, sides, title = problem.mesh, problem.pair(name), _called(problem, name)
-    slave, master = (mesh.boundaries[side] for side in sides)
-    if held[slave].all(axis=1).any():
+    slave = mesh.boundaries[sides[0]]
+    if fixed[slave].all(axis=1).any():
         raise ProblemError(
             f"{title}: supports prescribe the values along facets of '{sides[0]}'; prescribe them on a smaller "
             f"boundary, or give slave = '{sides[1]}' if they do so there alone"
         )
-    without, alone = held | taken, slave[(held | taken)[slave].all(axis=1)]
-    without[alone] = held[alone]
-    pieces = paired(mesh, slave, master, title)
-    found = mortar(mesh, problem.order, pieces, without[mesh.facet_nodes(slave, problem.order)])
-    said = _lost(title, problem.mesh.points, found.pieces)
-    return _Place(name, problem.contact[name], found.nodes, found.weights, sides, found.jump, said)
+    without, alone = fixed | taken, slave[(fixed | taken)[slave].all(axis=1)]
+    without[alone] = fixed[alone]
+    pieces = _facing(problem, sides, title)
+    projection = mortar(mesh, pieces, without[pieces.sides[0].nodes], problem.kinematics)
+    warnings = _lost(title, problem.mesh.points, projection.pieces)
+    return _Site(name, problem.contact[name], projection.nodes, projection.weights, sides, projection.jump, warnings)
 
 
-def _places(problem: ContactProblem, count: int, names: list[str]) -> list[_Place]:
+def _sites(problem: ContactProblem, count: int, names: list[str]) -> list[_Site]:
     """Contacts on boundaries, or over areas; a node of two of them belongs to the first entirely."""
-    found: list[_Place] = []
+    sites: list[_Site] = []
     for name in names:
-        members, parts = _parts(problem, name)
-        summed = np.bincount(members.ravel(), weights=parts.ravel(), minlength=count)
-        for k, other in enumerate(found):
-            found[k] = replace(other, weights=other.weights + summed[other.nodes])
+        summed = _weights(problem, name, count)
+        for k, other in enumerate(sites):
+            sites[k] = replace(other, weights=other.weights + summed[other.nodes])
             summed[other.nodes] = 0.0
         nodes = np.flatnonzero(summed)
         if not len(nodes):
             raise ProblemError(f"every node of contact '{name}' belongs to another one; join the two")
-        found.append(_Place(name, problem.contact[name], nodes, np.asarray(summed[nodes], dtype=float)))
-    return found
+        sites.append(_Site(name, problem.contact[name], nodes, np.asarray(summed[nodes], dtype=float)))
+    return sites
 
 
-def _parts(problem: ContactProblem, name: str) -> tuple[IntArray, Array]:
-    """The nodes (k, q) of the facets or cells of a contact, and the weight that each of them has there."""
-    mesh, order = problem.mesh, problem.order
-    if name in problem.areas:
-        cells, share = problem.areas[name], np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
-        return mesh.cells[cells], np.outer(mesh.volumes[cells], share)
-    facets = mesh.boundaries[name]
-    return mesh.facet_nodes(facets, order), facet_shares(mesh, facets, order, ring=False)
+def _weights(problem: ContactProblem, name: str, count: int) -> Array:
+    """The weights (nodes,) of all nodes in a contact on a boundary or over an area."""
+    mesh = problem.mesh
+    if name not in problem.areas:
+        return contact_weights(mesh, boundary_rule(mesh, name, problem.order), problem.kinematics)[0]
+    cells, often = problem.areas[name], mesh.dim + 1
+    parts = np.repeat(mesh.volumes[cells] * (1.0 / often), often)
+    return np.asarray(np.bincount(mesh.cells[cells].ravel(), parts, count), dtype=float)
 
 
-def _refuse_shared(boundary: str, own: IntArray, area: _Place, nodes: Array, free: BoolArray) -> None:
+def _refuse_shared(boundary: str, own: IntArray, area: _Site, nodes: Array, free: BoolArray) -> None:
     """Refuse contact over an area at free nodes of a contact boundary: two laws would act on one unknown."""
     shared = np.intersect1d(own, area.nodes)
     shared = shared[free[shared]]
@@ -493,11 +493,11 @@ def _refuse_beyond(values: Array, where: str, unit: str) -> None:
 
 def _check_never_touching(law: VectorLaw, name: str, points: Array) -> None:
     """Refuse laws without opening where the body's normal misses the obstacle."""
-    held = np.broadcast_to(np.isfinite(law.penetrations.lower), len(points))
-    if held.any():
-        place = in_words(points[int(np.flatnonzero(held)[0])])
+    closed = np.broadcast_to(np.isfinite(law.penetrations.lower), len(points))
+    if closed.any():
+        point = in_words(points[int(np.flatnonzero(closed)[0])])
         raise ProblemError(
-            f"contact '{name}': its law allows no opening, but the body's normal at x = {place} misses the obstacle; "
+            f"contact '{name}': its law allows no opening, but the body's normal at x = {point} misses the obstacle; "
             f"take normals = 'obstacle' or a smaller contact boundary"
         )
 
@@ -549,7 +549,7 @@ def _left_to_glue(groups: list[BoundaryContact], contacts: Mapping[str, Contact]
     Glue between bodies comes first, then their contact in its order, then foundations, which leave to glue alone: what
     leaves is left to the point beside it.  Friction that a pressure brings with it is no glue.
     """
-    found = list(groups)
+    remaining = list(groups)
 
     def glues(k: int) -> bool:
         contact = contacts[groups[k].points.names[int(groups[k].points.boundary[0])]]
@@ -560,16 +560,16 @@ def _left_to_glue(groups: list[BoundaryContact], contacts: Mapping[str, Contact]
         (k for k, group in enumerate(groups) if group.pair), key=lambda k: (not groups[k].law.remembers, not glues(k))
     )
     for first, k in enumerate(pairs):
-        keeps = found[k].points
+        keeps = remaining[k].points
         others = [other for other in range(len(groups)) if not groups[other].pair] if glues(k) else []
         for other in (*pairs[first + 1 :], *others):
-            group = found[other]
+            group = remaining[other]
             leaves = _shared(group.points, keeps) if group.pair else np.isin(group.points.node, keeps.node)
             if group.pair and leaves.all():
                 raise ProblemError("every node of a contact boundary belongs to another one; join the two")
             if leaves.any() and not leaves.all():
-                found[other] = _handed_on(group, leaves)
-    return found
+                remaining[other] = _handed_on(group, leaves)
+    return remaining
 
 
 def _shared(points: ContactPoints, others: ContactPoints) -> BoolArray:
@@ -606,7 +606,7 @@ def frames_of(normal: Array) -> Array:
     return np.stack([normal, first, unit(np.cross(normal, first))], axis=1)
 
 
-def adapted(frames: Array, held: Array, count: IntArray) -> tuple[Array, BoolArray]:
+def adapted(frames: Array, fixed: Array, count: IntArray) -> tuple[Array, BoolArray]:
     """Turn tangents to what supports leave free, and mark rows that depend on a row before them.
 
     ``held (k, d, d)`` are orthonormal directions that supports hold, of which ``count (k,)`` are not zero.
@@ -614,15 +614,15 @@ def adapted(frames: Array, held: Array, count: IntArray) -> tuple[Array, BoolArr
     frames = frames.copy()
     normal = frames[:, 0]
     if frames.shape[1] == 3:
-        across = np.cross(held[:, 0], normal)
+        across = np.cross(fixed[:, 0], normal)
         single = (count == 1) & (np.linalg.norm(across, axis=1) > DEPENDENT)
         last = unit(across[single])
         frames[single, 1:] = np.stack([np.cross(last, normal[single]), last], axis=1)
-        way = np.cross(held[:, 0], held[:, 1])
-        double = (count == 2) & (np.abs(np.einsum("kd,kd->k", way, normal)) <= DEPENDENT)
-        first = unit(way[double])
+        direction = np.cross(fixed[:, 0], fixed[:, 1])
+        double = (count == 2) & (np.abs(np.einsum("kd,kd->k", direction, normal)) <= DEPENDENT)
+        first = unit(direction[double])
         frames[double, 1:] = np.stack([first, np.cross(normal[double], first)], axis=1)
-    free = movable(frames, held)
+    free = movable(frames, fixed)
     rest = free.copy()
     blocked = np.zeros(frames.shape[:2], dtype=bool)
     for c in range(frames.shape[1]):
@@ -684,8 +684,8 @@ def join(
     moving = np.diff(trace.indptr).reshape(-1, components).any(axis=1)
     if moving.all():
         return contact, offset, law, 0.0
-    held, keep = np.flatnonzero(~moving), np.flatnonzero(moving)
-    energy = _held_energy(contact.take(held), law.take(held), -offset[held], rounding)
+    fixed, keep = np.flatnonzero(~moving), np.flatnonzero(moving)
+    energy = _fixed_energy(contact.take(fixed), law.take(fixed), -offset[fixed], rounding)
     kept = law.take(keep) if len(keep) else ContactLaw(NoContact()).at(None)
     return contact.take(keep), offset[keep], kept, energy
 
@@ -712,7 +712,7 @@ def _foundation(group: BoundaryContact) -> Array:
     return np.column_stack([group.gap, along])
 
 
-def _held_energy(contact: ContactPoints, law: VectorLaw, r: Array, rounding: float) -> float:
+def _fixed_energy(contact: ContactPoints, law: VectorLaw, r: Array, rounding: float) -> float:
     """Energy of contact points that supports hold at penetration and slip (m, components)."""
     allowed = law.penetrations
     inside = np.clip(r[:, 0], allowed.lower, allowed.upper)

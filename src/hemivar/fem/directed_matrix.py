@@ -57,16 +57,16 @@ class DirectedMatrix:
         return sp.csr_array(sp.coo_array((turned[keep], (rows[keep], columns[keep])), shape=shape))
 
 
-def directed_matrix(blocks: Array, nodes: IntArray, held: Array) -> DirectedMatrix:
+def directed_matrix(blocks: Array, nodes: IntArray, fixed: Array) -> DirectedMatrix:
     """Sum up blocks.
 
     Shapes: ``blocks`` (M, k d, k d), ``nodes`` (M, k), ``held`` (N, d, d).
     """
-    count, dim = held.shape[:2]
-    touched: BoolArray = np.asarray(held.any(axis=(1, 2)))
-    directions = np.broadcast_to(np.eye(dim), held.shape).copy()
+    count, dim = fixed.shape[:2]
+    touched: BoolArray = np.asarray(fixed.any(axis=(1, 2)))
+    directions = np.broadcast_to(np.eye(dim), fixed.shape).copy()
     free = np.ones((count, dim), dtype=bool)
-    values, directions[touched] = np.linalg.eigh(held[touched])
+    values, directions[touched] = np.linalg.eigh(fixed[touched])
     free[touched] = values < _HELD
     number = np.full((count, dim), -1, dtype=np.int64)
     number[free] = np.arange(np.count_nonzero(free))
@@ -76,9 +76,9 @@ def directed_matrix(blocks: Array, nodes: IntArray, held: Array) -> DirectedMatr
     part = np.einsum("maibj,maip,mbjq->mapbq", part, turn, turn, optimize=True)
     blocks = blocks.copy()
     blocks[some] = part.reshape(len(some), *blocks.shape[1:])
-    place = number[nodes].reshape(len(nodes), -1)
-    rows = np.broadcast_to(place[:, :, None], blocks.shape)
-    columns = np.broadcast_to(place[:, None, :], blocks.shape)
+    slots = number[nodes].reshape(len(nodes), -1)
+    rows = np.broadcast_to(slots[:, :, None], blocks.shape)
+    columns = np.broadcast_to(slots[:, None, :], blocks.shape)
     keep = (rows >= 0) & (columns >= 0)
     n = int(np.count_nonzero(free))
     matrix = sp.coo_array((blocks[keep], (rows[keep], columns[keep])), shape=(n, n))

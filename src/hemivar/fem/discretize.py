@@ -168,9 +168,9 @@ def _discretize(
         Model(body.bulk, contact, Space((field,)), problem, body.bedded > 0.0),
         Loading(load, offset, law, constant + energy),
         tuple(
-            said
-            for said in (locking_warning(problem), _uncut(problem), left_out, soft, *conditions.warnings)
-            if said is not None
+            sentence
+            for sentence in (locking_warning(problem), _uncut(problem), left_out, soft, *conditions.warnings)
+            if sentence is not None
         ),
     )
     if check_coercivity:

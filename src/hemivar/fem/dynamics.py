@@ -29,6 +29,7 @@ from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import matrix_of, nodal_conditions
 from hemivar.mechanics.conditions import ScalarData, Support, stated_values
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 
 __all__ = ["Reduction", "body_family", "moved_components"]
 
@@ -68,14 +69,14 @@ class Reduction:
 
     def part(self, blocks: EdgeBlocks, of: Operator | None = None) -> Operator:
         """Another operator, a multiple of the one ``of`` if it is one up to rounding. The blocks are used up."""
-        coupling, held = self._coupled(blocks)
+        coupling, fixed = self._coupled(blocks)
         pattern, data = self.pattern, matrix_of(blocks, self.directions, self.free, self.jumps).data
         if of is not None:
-            whole = Operator(of_arrays(data, pattern.indices, pattern.indptr), coupling, held)
+            whole = Operator(of_arrays(data, pattern.indices, pattern.indptr), coupling, fixed)
             factor = whole.multiple_of(of)
             if factor is not None:
                 return Multiple(of, factor)
-        return Operator.like(pattern, data, coupling, held)
+        return Operator.like(pattern, data, coupling, fixed)
 
     def _coupled(self, blocks: EdgeBlocks | None) -> tuple[sp.csr_array, sp.csr_array]:
         assert self.problem.field is not None
@@ -126,13 +127,9 @@ def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
     names = [name for name, support in problem.supports.items() if problem.thermal or _moves(support)]
     if not names:
         return np.zeros(0, dtype=np.int64)
-    nodes = np.unique(
-        np.concatenate(
-            [problem.mesh.facet_nodes(problem.mesh.boundaries[name], problem.order).ravel() for name in names]
-        )
-    )
-    held = np.abs(supports.directions[nodes]).max(axis=1) > 0.0
-    node, component = np.nonzero(held)
+    nodes = np.unique(np.concatenate([boundary_rule(problem.mesh, name, problem.order).nodes for name in names]))
+    fixed = np.abs(supports.directions[nodes]).max(axis=1) > 0.0
+    node, component = np.nonzero(fixed)
     return np.asarray(nodes[node] * problem.components + component, dtype=np.int64)
 
 

@@ -65,8 +65,8 @@ class EdgeBlocks:
     def columns(self, dofs: IntArray) -> sp.csr_array:
         """The columns of some (distinct) components ``node c + i``, shape (N c, k)."""
         count, dim = self.diagonal.shape[:2]
-        place = np.full(count * dim, -1, dtype=np.int64)
-        place[dofs] = np.arange(len(dofs))
+        number = np.full(count * dim, -1, dtype=np.int64)
+        number[dofs] = np.arange(len(dofs))
         wanted = np.zeros(count, dtype=bool)
         wanted[dofs // dim] = True
         low, high = self.edges.T
@@ -77,7 +77,7 @@ class EdgeBlocks:
         blocks = np.concatenate([self.diagonal[nodes], self.upper[before], self.upper[behind].transpose(0, 2, 1)])
         axis = np.arange(dim)
         rows = np.broadcast_to(row[:, None, None] * dim + axis[:, None], blocks.shape)
-        columns = place[np.broadcast_to(column[:, None, None] * dim + axis, blocks.shape)]
+        columns = number[np.broadcast_to(column[:, None, None] * dim + axis, blocks.shape)]
         keep = columns >= 0
         return sp.csr_array((blocks[keep], (rows[keep], columns[keep])), shape=(count * dim, len(dofs)))
 
@@ -117,5 +117,5 @@ class EdgeBlocks:
         row = np.broadcast_to(rows[:, None, None] + axis[:, None], blocks.shape)
         column = np.broadcast_to(columns[:, None, None] + axis, blocks.shape)
         keep, number = free[row] & free[column], np.cumsum(free) - 1
-        place = number[row[keep]], number[column[keep]]
-        return sp.csr_array((blocks[keep], place), shape=(np.count_nonzero(free),) * 2)
+        entries = number[row[keep]], number[column[keep]]
+        return sp.csr_array((blocks[keep], entries), shape=(np.count_nonzero(free),) * 2)

@@ -104,24 +104,24 @@ class NodalEnergy(PickleMixin):
         slopes = scaled_gradients(self.mesh, part, self.mesh.volumes[part])
         values = field.T[:, self.mesh.cell_nodes(self.order)[part].T]
         flat, shapes = slopes.reshape(len(slopes), -1), []
-        found = np.zeros((int(self.law.strains.max()) + 1, slopes.shape[2], len(self.rule[1])))
-        for q, place in enumerate(self.rule[0]):
+        strain = np.zeros((int(self.law.strains.max()) + 1, slopes.shape[2], len(self.rule[1])))
+        for q, point in enumerate(self.rule[0]):
             h = slopes
             if self.order > 1:
-                h = (shape_derivatives(self.order, place) @ flat).reshape(-1, *slopes.shape[1:])
+                h = (shape_derivatives(self.order, point) @ flat).reshape(-1, *slopes.shape[1:])
             shapes.append(h)
             for (i, k), row in np.ndenumerate(self.law.strains):
                 for node in range(len(h)):
-                    found[row, :, q] += h[node, k] * values[i, node]
-        return found.reshape(len(found), -1).T, shapes
+                    strain[row, :, q] += h[node, k] * values[i, node]
+        return strain.reshape(len(strain), -1).T, shapes
 
     def at(
         self, density: Callable[[Array, Array, dict[str, BoolArray]], Array], strain: Array, part: slice | IntArray
     ) -> tuple[Array, Array]:
         """A function of points, strains and regions at the points of some cells, (k, q, ...); and their weights."""
         if self.law.homogeneous:  # the points do not matter
-            found = density(np.broadcast_to(self.mesh.points[:1], (len(strain), self.mesh.dim)), strain, {})
-            return found.reshape(-1, len(self.rule[1]), *found.shape[1:]), self.rule[1]
+            values = density(np.broadcast_to(self.mesh.points[:1], (len(strain), self.mesh.dim)), strain, {})
+            return values.reshape(-1, len(self.rule[1]), *values.shape[1:]), self.rule[1]
         return at_quadrature_points(self.mesh, self.degree, lambda points, masks: density(points, strain, masks), part)
 
 

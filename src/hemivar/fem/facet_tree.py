@@ -37,13 +37,13 @@ class FacetTree:
         first, box = np.repeat(np.arange(columns), tops), np.tile(np.arange(tops), columns)
         for level in range(len(self._boxes) - 1, -1, -1):
             centre, half, size = self._boxes[level]
-            way, turn = centre[box] - middle[first], axis[first]
-            along = np.einsum("pd,pd->p", way, turn)
+            offset, turn = centre[box] - middle[first], axis[first]
+            along = np.einsum("pd,pd->p", offset, turn)
             if between is not None:
                 reach = np.einsum("pd,pd->p", half[box], np.abs(turn))
                 met = (along + reach >= between[0][first]) & (along - reach <= between[1][first])
-                first, box, way, along = first[met], box[met], way[met], along[met]
-            across = np.einsum("pd,pd->p", way, way) - along * along
+                first, box, offset, along = first[met], box[met], offset[met], along[met]
+            across = np.einsum("pd,pd->p", offset, offset) - along * along
             met = across <= (radius[first] + size[box]) ** 2
             first, box = first[met], box[met]
             if level:

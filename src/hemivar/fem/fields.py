@@ -70,8 +70,8 @@ def stress(source: ContactProblem, displacement: Array) -> Array:
     array, shape (M, d, d)
     """
     expect_body(source, "what the stress is taken of", "it needs the material: pass the ContactProblem")
-    found = _stress_rows(source, displacement)
-    return np.asarray(found[:, source.kinematics.rows])
+    rows = _stress_rows(source, displacement)
+    return np.asarray(rows[:, source.kinematics.rows])
 
 
 def _stress_rows(source: ContactProblem, displacement: Array) -> Array:

@@ -84,10 +84,10 @@ def rows_on(basis: ScikitFem, name: str, facets: IntArray | None, trace: TraceOf
     else:
         places, weights = _NODES[shape, order] if at == "nodes" else _MIDDLE[shape]
         where["quadrature"] = np.array(places).T, np.array(weights)
-    found = _rows(kind(mesh, basis.elem, mapping=basis.mapping, **where), trace, name)
-    if not (found.weights > 0.0).all():
+    rows = _rows(kind(mesh, basis.elem, mapping=basis.mapping, **where), trace, name)
+    if not (rows.weights > 0.0).all():
         raise ProblemError(f"contact['{name}']: the rule of degree {at} has negative weights; take another degree")
-    return found.merged(nearness(mesh)) if at == "nodes" else found
+    return rows.merged(nearness(mesh)) if at == "nodes" else rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +132,7 @@ class Rows:
         normals = None if self.normals is None else mean @ self.normals
         return Rows(rows, weights, self.points[first], normals, self.area, self.sharp[first])
 
-    def touching(self, name: str, contact: Contact, free: IntArray, place: tuple[int, tuple[str, ...]]) -> Touching:
+    def touching(self, name: str, contact: Contact, free: IntArray, number: tuple[int, tuple[str, ...]]) -> Touching:
         """The contact points of a contact that is the ``place[0]``th of the names ``place[1]``."""
         m, dim, size = len(self.weights), self.points.shape[1], self.components
         frames, rows, blocked = None, self.rows, np.zeros((m, size), dtype=bool)
@@ -152,7 +152,7 @@ class Rows:
             frames, blocked = adapted(frames_of(self._outward(name)), *self._directions(free))
             blocked[self.sharp, 1:] = True
             rows = sp.csr_array(_blocks(frames) @ rows)
-        boundary, names = np.full(m, place[0]), place[1]
+        boundary, names = np.full(m, number[0]), number[1]
         return Touching(ContactPoints(rows, self.weights, self.points, frames, boundary=boundary, names=names), blocked)
 
     def _outward(self, name: str) -> Array:
@@ -160,9 +160,9 @@ class Rows:
         assert self.normals is not None
         size = np.linalg.norm(self.normals, axis=1)
         if size.min() <= 1e-8:
-            place = in_words(self.points[int(np.argmin(size))])
+            point = in_words(self.points[int(np.argmin(size))])
             raise ProblemError(
-                f"contact['{name}'] folds back on itself at x = {place}, so it has no normal there; split it into two "
+                f"contact['{name}'] folds back on itself at x = {point}, so it has no normal there; split it into two "
                 "boundaries"
             )
         return unit(self.normals)
@@ -172,9 +172,11 @@ class Rows:
         moved = [sp.csr_array(self.rows[k :: self.components][:, free]) for k in range(self.components)]
         gram = np.array([[np.asarray(one.multiply(other).sum(axis=1)).ravel() for other in moved] for one in moved])
         sizes, vectors = np.linalg.eigh(gram.transpose(2, 0, 1))
-        held = sizes <= _HELD * sizes.max()
-        found = vectors.transpose(0, 2, 1) * held[:, :, None]
-        return np.where(found[:, :, :1] + 0.6 * found[:, :, 1:2] < 0.0, -found, found), held.sum(axis=1)
+        fixed = sizes <= _HELD * sizes.max()
+        directions = vectors.transpose(0, 2, 1) * fixed[:, :, None]
+        return np.where(directions[:, :, :1] + 0.6 * directions[:, :, 1:2] < 0.0, -directions, directions), fixed.sum(
+            axis=1
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,12 +270,12 @@ def _traced(
     what = f"contact['{name}']: trace"
     try:
         with np.errstate(all="ignore"):
-            found = trace(*fields)
+            traced = trace(*fields)
     except UNFIT as error:
         raise ProblemError(
             f"{what} cannot be evaluated ({shortened(error)}); give a function of the fields of the element"
         ) from error
-    value = real_array(found, what, finite=finite)
+    value = real_array(traced, what, finite=finite)
     if value.shape[-2:] != shape or value.ndim > 3:
         raise ProblemError(f"{what} returns arrays of shape {value.shape}; give shape ([c,] {shape[0]}, {shape[1]})")
     return value if value.ndim == 3 else value[None]
@@ -285,9 +287,9 @@ def _refuse_not_linear(basis: Sequence[Sequence[ScikitFem]], trace: TraceOf, tab
     rounding = _ROUNDED * np.einsum("f,fcep->cep", share, np.abs(table)).max(axis=(1, 2), keepdims=True)
     for size in _COMBINED:
         fields = [_combination(parts, size * share) for parts in zip(*basis, strict=True)]
-        found = _traced(trace, fields, name, table.shape[2:], False)
+        combined = _traced(trace, fields, name, table.shape[2:], False)
         with np.errstate(invalid="ignore"):
-            error = np.abs(found - np.einsum("f,fcep->cep", size * share, table))
+            error = np.abs(combined - np.einsum("f,fcep->cep", size * share, table))
         if not (error <= max(abs(size), 1.0) * rounding).all():
             raise ProblemError(
                 f"contact['{name}']: trace is not linear in the fields; give components or derivatives of them times "
@@ -310,9 +312,9 @@ def _order_of(elem: ScikitFem) -> int:
 
 def _shape(reference: ScikitFem, name: str) -> str:
     """The word of a reference cell of scikit-fem."""
-    if (found := _SHAPES.get(reference.__name__)) is None:
+    if (shape := _SHAPES.get(reference.__name__)) is None:
         raise ProblemError(
             f"contact['{name}']: contact on cells or facets like {reference.__name__} of scikit-fem is not known; take "
             "triangles, quadrilaterals, tetrahedra or hexahedra"
         )
-    return found
+    return shape

@@ -47,11 +47,11 @@ def form_field(basis: ScikitFem, free: IntArray, values: Array) -> Field | None:
     numbers = _components(basis)
     if numbers is None:
         return None
-    found = _nodes(basis, numbers[:, 0])
-    if found is None:
+    known = _nodes(basis, numbers[:, 0])
+    if known is None:
         return None
-    own, order, place = found
-    size, row = numbers.shape[1], _rows(numbers, place)
+    own, order, node = known
+    size, row = numbers.shape[1], _rows(numbers, node)
     chosen = sp.csr_array((np.ones(free.size), (row[free], np.arange(free.size))), shape=(row.size, free.size))
     prescribed = np.empty(row.size)
     prescribed[row] = values
@@ -65,10 +65,10 @@ def rows_of(basis: ScikitFem, field: Field) -> IntArray:
     return _rows(numbers, nearest_nodes(field, basis.doflocs[:, numbers[:, 0]].T))
 
 
-def _rows(numbers: IntArray, place: IntArray) -> IntArray:
+def _rows(numbers: IntArray, node: IntArray) -> IntArray:
     """Of unknowns (nodes, c) at nodes that have these numbers."""
     row = np.empty(numbers.size, dtype=np.int64)
-    row[numbers] = place[:, None] * numbers.shape[1] + np.arange(numbers.shape[1])
+    row[numbers] = node[:, None] * numbers.shape[1] + np.arange(numbers.shape[1])
     return row
 
 
@@ -111,9 +111,9 @@ def _nodes(basis: ScikitFem, first: IntArray) -> tuple[Mesh, int, IntArray] | No
         if not isinstance(mesh, skfem.MeshTri1 | skfem.MeshTet1):
             return None
         own = _simplices(mesh)
-        found = Field(own, order, *_nothing(own.nodes(order).shape))
-        place = nearest_nodes(found, points)
-        return None if (place < 0).any() or place.size != found.number_of_nodes else (own, order, place)
+        field = Field(own, order, *_nothing(own.nodes(order).shape))
+        numbers = nearest_nodes(field, points)
+        return None if (numbers < 0).any() or numbers.size != field.number_of_nodes else (own, order, numbers)
     size = len(basis.element_dofs) // len(inner.doflocs)
     node = np.full(int(basis.N), -1, dtype=np.int64)
     node[first] = np.arange(first.size)

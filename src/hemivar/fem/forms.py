@@ -99,12 +99,12 @@ class FormBody:
         if load.shape != (count,):
             raise ProblemError(f"load has shape {load.shape}; give a skfem.LinearForm, or an array of shape ({count},)")
         expect(self.supports, Mapping, "supports", "give what is prescribed by the name of a boundary")  # type: ignore[type-abstract]
-        held, values = self._prescribed()
+        fixed, values = self._prescribed()
         object.__setattr__(self, "_matrix", self._assembled("form"))
         given = [name for name in ("mass", "viscosity") if getattr(self, name) is not None]
         object.__setattr__(self, "_in_time", {name: self._assembled(name) for name in given})
         object.__setattr__(self, "_loads", load)
-        object.__setattr__(self, "_held", held)
+        object.__setattr__(self, "_held", fixed)
         object.__setattr__(self, "_values", values)
 
     @property
@@ -143,13 +143,13 @@ class FormBody:
             raise ProblemError(
                 f"{name} is {what}; give a skfem.BilinearForm, or a matrix of shape ({count}, {count}) on this basis"
             )
-        found = real_matrix(matrix, name)
-        refuse_skew(found, name)
-        return found
+        real = real_matrix(matrix, name)
+        refuse_skew(real, name)
+        return real
 
     def _prescribed(self, time: float | None = None) -> tuple[BoolArray, Array]:
         """Which unknowns supports hold, and at what values; what depends on time counts as 0 without one."""
-        found = _Held(self.basis)
+        fixed = _Held(self.basis)
         for name, parts in self.stated():
             dofs = self.basis.get_dofs(self.facets(name, "supports"))
             for part, value in parts.items():
@@ -157,15 +157,15 @@ class FormBody:
                 what = f"supports['{name}']" + (f"['{part}']" if part else "")
                 known = value if time is None else at_time(value, time)
                 if depends_on_time(known):
-                    found.hold(numbers, what, np.full(numbers.size, np.nan))
+                    fixed.hold(numbers, what, np.full(numbers.size, np.nan))
                     continue
                 if callable(known):
                     places = self.basis.doflocs[:, numbers]
                     known = answer(known, (places,), what, f"give a function of places, shape {places.shape}")
-                found.hold(numbers, what, _one_each(known, numbers.size, what))
+                fixed.hold(numbers, what, _one_each(known, numbers.size, what))
         further = _numbers(self.fixed, int(self.basis.N))
-        found.hold(further, "fixed", np.zeros(further.size))
-        return found.held, np.nan_to_num(found.values)
+        fixed.hold(further, "fixed", np.zeros(further.size))
+        return fixed.held, np.nan_to_num(fixed.values)
 
     def stated(self) -> Iterator[tuple[str, Mapping[str, object]]]:
         """What supports prescribe, by boundary and by the name of unknowns, empty for all of them."""
@@ -177,12 +177,12 @@ class FormBody:
         known = self.basis.mesh.boundaries or {}
         if not isinstance(name, str) or name not in known:
             near = suggest(name, list(known), "boundaries")
-            said = f"{shortened(where)} names boundary {quoted(name)}"
-            raise ProblemError(f"{said}, which the mesh of the basis does not have{near}")
-        found = np.unique(np.asarray(known[name], dtype=np.int64))
-        if not found.size:
+            message = f"{shortened(where)} names boundary {quoted(name)}"
+            raise ProblemError(f"{message}, which the mesh of the basis does not have{near}")
+        facets = np.unique(np.asarray(known[name], dtype=np.int64))
+        if not facets.size:
             raise ProblemError(f"{where} names boundary '{name}', which has no facets; name another one")
-        return found
+        return facets
 
     def full(self, problem: DiscreteProblem, unknowns: Array) -> Array:
         """All unknowns of the basis (N,) of those of a solution of the problem that :meth:`problem` made.
@@ -291,8 +291,8 @@ class FormProblem(PickleMixin):
         if self.at == "nodes":
             share_nodes(rows, nearness(self.body.basis.mesh))
         places = {
-            name: seen.touching(name, self.contact[name], self.body.free, (place, tuple(rows)))
-            for place, (name, seen) in enumerate(rows.items())
+            name: seen.touching(name, self.contact[name], self.body.free, (number, tuple(rows)))
+            for number, (name, seen) in enumerate(rows.items())
         }
         object.__setattr__(self, "_touching", places)
 
@@ -300,9 +300,9 @@ class FormProblem(PickleMixin):
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: of "load", "supports", "gap" and "law"."""
         prescribed = [one for _, parts in self.body.stated() for one in parts.values()]
-        found = {"load"} if self.factor is not None else set()
-        found |= {"supports"} if any(map(depends_on_time, prescribed)) else set()
-        return frozenset(found.union(*(one.time_dependent for one in self.contact.values())))
+        depends = {"load"} if self.factor is not None else set()
+        depends |= {"supports"} if any(map(depends_on_time, prescribed)) else set()
+        return frozenset(depends.union(*(one.time_dependent for one in self.contact.values())))
 
     @cached_property
     def discrete(self) -> DiscreteProblem:
@@ -330,13 +330,13 @@ class FormProblem(PickleMixin):
         ProblemError
             The unknowns are no displacements of nodes.
         """
-        found = self._discrete(time)
-        if found.field is None or found.field.partial:
+        discrete = self._discrete(time)
+        if discrete.field is None or discrete.field.partial:
             raise ProblemError(
                 "a body in time needs its displacement at nodes; take Lagrange elements of order 1 or 2, without a "
                 "multiplier"
             )
-        return found
+        return discrete
 
     def places(self, time: float) -> tuple[Array, int]:
         """The nodes (k, d) of the displacement and its components."""
@@ -348,10 +348,10 @@ class FormProblem(PickleMixin):
         body, matrix, free = self.body, self.body._matrix, self.body.free
         values = body._values if time is None else body._prescribed(time)[1]
         contact, offset, law, energy = self._contact_at(time, values)
-        held = matrix @ values
+        reaction = matrix @ values
         load = self.force(time)
-        inner, force = sp.csr_array(matrix[free][:, free]), load[free] - held[free]
-        constant = 0.5 * float(values @ held) - float(values @ load) + energy
+        inner, force = sp.csr_array(matrix[free][:, free]), load[free] - reaction[free]
+        constant = 0.5 * float(values @ reaction) - float(values @ load) + energy
         diagonal = inner.diagonal()
         if diagonal.size and (diagonal <= 0.0).all():
             raise ProblemError("the form is nowhere positive on the diagonal; state an energy, or change its sign")
@@ -369,10 +369,10 @@ class FormProblem(PickleMixin):
         where = np.asarray(contact.points)
         if shown is not None:
             contact = replace(contact, node=nearest_nodes(shown, where))
-        said = friction_warning(where[contact.without_friction])
+        warning = friction_warning(where[contact.without_friction])
         space = None if shown is None else Space((shown,))
         model, loading = Model(bulk, contact, space), Loading(force, offset, law, constant)
-        return DiscreteProblem(model, loading, () if said is None else (said,))
+        return DiscreteProblem(model, loading, () if warning is None else (warning,))
 
     def force(self, time: float | None) -> Array:
         """The load at a time, on all unknowns of the basis (N,)."""
@@ -395,8 +395,8 @@ class FormProblem(PickleMixin):
             A mass or viscosity is not symmetric, or negative.
         """
         body = self.body
-        held = body._held
-        moving = held if "supports" in self.time_dependent else held & (body._prescribed(0.0)[1] != 0.0)
+        fixed = body._held
+        moving = fixed if "supports" in self.time_dependent else fixed & (body._prescribed(0.0)[1] != 0.0)
         dofs = np.flatnonzero(moving)
         stated = {"form": body._matrix, **body._in_time}
         names = [name for name in stated if inertia or name != "mass"]
@@ -404,13 +404,15 @@ class FormProblem(PickleMixin):
         for name, matrix in zip(names, matrices, strict=True):
             if name != "form" and (matrix.diagonal() < 0.0).any():
                 raise ProblemError(f"the {name} of the body has negative numbers on its diagonal; change its sign")
-        found = {
+        operators = {
             name: Operator(*(sp.csr_array(part) for part in _parts(matrix, body.free, dofs)))
             for name, matrix in zip(names, matrices, strict=True)
         }
         assert problem.field is not None
         rows = rows_of(body.basis, problem.field)[dofs]
-        return OperatorFamily(problem, found["form"], found.get("viscosity"), found.get("mass"), (), rows), dofs
+        return OperatorFamily(
+            problem, operators["form"], operators.get("viscosity"), operators.get("mass"), (), rows
+        ), dofs
 
     def _contacts(self, time: float | None) -> dict[str, Contact]:
         return {name: one if time is None else one.at_time(time) for name, one in self.contact.items()}
@@ -435,10 +437,10 @@ class FormProblem(PickleMixin):
                 raise ProblemError(f"contact['{name}'] has facets inside of the mesh; name facets of its boundary")
         elif not len(mesh.subdomains[name]):
             raise ProblemError(f"contact names region '{name}', which has no cells; name another one")
-        found = rows_on(basis, name, facets, self.trace, self.at)
-        if not sp.csr_array(found.rows[:, self.body.free]).count_nonzero():
+        rows = rows_on(basis, name, facets, self.trace, self.at)
+        if not sp.csr_array(rows.rows[:, self.body.free]).count_nonzero():
             raise ProblemError(f"contact['{name}']: supports hold all of its points; leave it out")
-        return found
+        return rows
 
 
 def _check_basis(basis: ScikitFem) -> None:
@@ -501,32 +503,32 @@ def _numbers(fixed: object, count: int) -> IntArray:
 
 def _one_each(known: object, count: int, what: str) -> Array:
     """Prescribed values (count,), of one number or of so many."""
-    found = real_array(known, what)
-    if found.shape not in ((), (1,), (count,)):
+    values = real_array(known, what)
+    if values.shape not in ((), (1,), (count,)):
         raise ProblemError(
-            f"{what} prescribes an array of shape {found.shape} for {count} unknowns; give a number, or a function of "
+            f"{what} prescribes an array of shape {values.shape} for {count} unknowns; give a number, or a function of "
             f"their places, shape (d, {count})"
         )
-    return np.broadcast_to(found, (count,))
+    return np.broadcast_to(values, (count,))
 
 
 def _finite(value: object, name: str) -> float:
-    found = number(value, name)
-    if not np.isfinite(found):
-        raise ProblemError(f"{name} is {found}; it must be finite")
-    return found
+    finite = number(value, name)
+    if not np.isfinite(finite):
+        raise ProblemError(f"{name} is {finite}; it must be finite")
+    return finite
 
 
 def _on_one_sparsity(matrices: Sequence[sp.csr_array]) -> list[sp.csr_array]:
     """The same matrices, each with an entry wherever one of them has one."""
     parts = [matrix.tocoo() for matrix in matrices]
     places = tuple(np.concatenate([getattr(part, axis) for part in parts]) for axis in ("row", "col"))
-    found = []
-    for place, part in enumerate(parts):
-        data = np.concatenate([part.data if k == place else np.zeros(one.nnz) for k, one in enumerate(parts)])
-        found.append(sp.csr_array(sp.coo_array((data, places), shape=part.shape)))
-        found[-1].sort_indices()
-    return found
+    alike = []
+    for own, part in enumerate(parts):
+        data = np.concatenate([part.data if k == own else np.zeros(one.nnz) for k, one in enumerate(parts)])
+        alike.append(sp.csr_array(sp.coo_array((data, places), shape=part.shape)))
+        alike[-1].sort_indices()
+    return alike
 
 
 def _parts(matrix: sp.csr_array, free: IntArray, moved: IntArray) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:

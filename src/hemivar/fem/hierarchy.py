@@ -141,8 +141,8 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
     prolongation.eliminate_zeros()
-    found = _shared_points(problem.contact, coarse.contact, interpolation)
-    step = Coarser(coarse, prolongation, field, found, pairs, interpolation=interpolation)
+    points = _shared_points(problem.contact, coarse.contact, interpolation)
+    step = Coarser(coarse, prolongation, field, points, pairs, interpolation=interpolation)
     return replace(step, problem=step.on_coarse_mesh(problem))
 
 
@@ -156,19 +156,19 @@ def _pairs(problem: DiscreteProblem, interpolation: sp.csr_array, nodal: sp.csr_
     field, statement, contact = problem.field, problem.origin, problem.contact
     assert field is not None
     assert statement is not None
-    found = {}
+    coarse_pairs = {}
     shared = _nodes_of_both(interpolation)
-    place = np.full(interpolation.shape[0], -1)
-    place[shared] = np.arange(shared.size)
+    number = np.full(interpolation.shape[0], -1)
+    number[shared] = np.arange(shared.size)
     for name in contact.names:
         if not statement.contact[name].against:
             continue
         every = contact.on(name)
         weights = interpolation[contact.node[every]].T @ contact.weights[every]
-        points = contact.take(every[place[contact.node[every]] >= 0])
+        points = contact.take(every[number[contact.node[every]] >= 0])
         if not points.count:
             continue
-        node = place[points.node]
+        node = number[points.node]
         trace = sp.csr_array(points.trace @ field.lift @ nodal)
         blocked = (np.diff(points.trace.indptr) == 0).reshape(points.shape)
         assert points.mean is not None
@@ -177,8 +177,8 @@ def _pairs(problem: DiscreteProblem, interpolation: sp.csr_array, nodal: sp.csr_
         law = statement.contact[name].law.at(points.points)
         rest = np.zeros(points.count)
         still = np.zeros((points.count, points.components - 1 if points.frames is None else field.mesh.dim))
-        found[name] = BoundaryContact(points, rest, still, law, blocked, pair=True)
-    return found
+        coarse_pairs[name] = BoundaryContact(points, rest, still, law, blocked, pair=True)
+    return coarse_pairs
 
 
 def _coarser_tangent(problem: DiscreteProblem, tangent: Tangent) -> Coarser | None:
@@ -220,10 +220,10 @@ def _initial_forces(problem: DiscreteProblem) -> Array | float:
 
 def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | None:
     """That of a step in time: the family on the coarser mesh is made once for all steps."""
-    found = parts.family.known.once("coarser", lambda: _coarser_family(parts.family))
-    if found is None:
+    known = parts.family.known.once("coarser", lambda: _coarser_family(parts.family))
+    if known is None:
         return None
-    step, family = cast(tuple[Coarser, OperatorFamily], found)
+    step, family = cast(tuple[Coarser, OperatorFamily], known)
     assert problem.field is not None
     assert step.interpolation is not None
     shared = _nodes_of_both(step.interpolation)

@@ -31,9 +31,9 @@ def lifted(integral: EnergyIntegral, field: Field, contact: ContactPoints, law: 
     Shapes: ``offset`` (m, c).
     """
     stiffness, force = integral.unstrained()
-    found = linear_response(field, stiffness, -force)
-    springs = _springs(contact, law, -offset, contact.trace_of(found))
-    return field.full(linear_response(field, stiffness + springs, -force) if springs.nnz else found)
+    response = linear_response(field, stiffness, -force)
+    springs = _springs(contact, law, -offset, contact.trace_of(response))
+    return field.full(linear_response(field, stiffness + springs, -force) if springs.nnz else response)
 
 
 def linear_response(field: Field, stiffness: sp.csr_array, force: Array) -> Array:
@@ -42,15 +42,15 @@ def linear_response(field: Field, stiffness: sp.csr_array, force: Array) -> Arra
     return hierarchy.solve(force)[0]
 
 
-def _springs(contact: ContactPoints, law: VectorLaw, rest: Array, way: Array) -> sp.csr_array:
+def _springs(contact: ContactPoints, law: VectorLaw, rest: Array, response: Array) -> sp.csr_array:
     """Stiffness (n, n) of the foundation at local displacements (m, c), to the side to which points go, where positive.
 
     ``way (m, c)`` is where they go without it.
     """
     beside = rest.copy()
-    beside[:, 0] += _BESIDE * np.maximum(np.abs(way[:, 0]), np.abs(rest[:, 0])) * np.sign(way[:, 0])
+    beside[:, 0] += _BESIDE * np.maximum(np.abs(response[:, 0]), np.abs(rest[:, 0])) * np.sign(response[:, 0])
     hessian = law.frozen_at(beside).linearise(beside).hessian
     stiff = contact.weights[:, None] * np.maximum(np.einsum("mcc->mc", hessian), 0.0)
-    found = sp.csr_array(contact.trace.T @ sp.diags_array(stiff.ravel()) @ contact.trace)
-    found.eliminate_zeros()
-    return found
+    springs = sp.csr_array(contact.trace.T @ sp.diags_array(stiff.ravel()) @ contact.trace)
+    springs.eliminate_zeros()
+    return springs

@@ -200,8 +200,8 @@ def _with_loads(problem: ContactProblem, names: Collection[str]) -> ContactProbl
 
 def _unloaded(problem: ContactProblem, constant: Collection[str]) -> ContactProblem:
     """The statement with its constant loads alone, and without prescribed displacements."""
-    held = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
-    return replace(_with_loads(problem, constant), supports=held)
+    supports = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
+    return replace(_with_loads(problem, constant), supports=supports)
 
 
 def _at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:

@@ -71,11 +71,11 @@ class MixedBulk(Quadratic):
                 f"with its constraints the body has the stiffness {least:.3g} in some direction of the contact "
                 "unknowns; the first block must not be negative where the constraints hold"
             )
-        found = MixedBulk(
+        bulk = MixedBulk(
             sp.csr_array(schur), kept=kept, others=others, coupling=coupling, load=np.asarray(load), inner=inner
         )
-        vars(found)["factor"] = factor  # it is there already
-        return found
+        vars(bulk)["factor"] = factor  # it is there already
+        return bulk
 
     @cached_property
     def factor(self) -> _Factor:
@@ -90,10 +90,10 @@ class MixedBulk(Quadratic):
 
     def extend(self, kept: Array) -> Array:
         """All unknowns (n,) of the kept ones (k,), under the stated load."""
-        found = np.empty(self.load.size)
-        found[self.kept] = kept
-        found[self.others] = self.factor.solve(self.load[self.others] - self.coupling @ kept)
-        return found
+        unknowns = np.empty(self.load.size)
+        unknowns[self.kept] = kept
+        unknowns[self.others] = self.factor.solve(self.load[self.others] - self.coupling @ kept)
+        return unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +114,11 @@ def _scales(matrix: sp.sparray) -> Array:
 
     Unknowns of several units, such as mm and V, then have entries of one size.
     """
-    found = np.ones(matrix.shape[0])
+    scales = np.ones(matrix.shape[0])
     for _ in range(_SCALINGS):
-        largest = abs(_scaled(matrix, found)).max(axis=1).toarray().ravel()
-        found /= np.sqrt(np.where(largest > 0.0, largest, 1.0))
-    return found
+        largest = abs(_scaled(matrix, scales)).max(axis=1).toarray().ravel()
+        scales /= np.sqrt(np.where(largest > 0.0, largest, 1.0))
+    return scales
 
 
 def _scaled(matrix: sp.sparray, scales: Array) -> sp.csr_array:

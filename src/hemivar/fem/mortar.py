@@ -14,12 +14,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.contact_basis import contact_shapes, lagrange_moments
+from hemivar.fem.contact_basis import contact_shapes, contact_weights, lagrange_moments
 from hemivar.fem.elements import shape_values
 from hemivar.fem.pairing import Pairing
 from hemivar.fem.quadrature import quadrature_rule
-from hemivar.fem.rings import facet_shares, weightless
 from hemivar.fem.supports import sum_by
+from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Mortar", "mortar"]
@@ -89,21 +89,20 @@ class _Rule:
     weight: Array  # (k, q)
 
 
-def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bool = False) -> Mortar:
+def mortar(mesh: Mesh, pieces: Pairing, without: BoolArray, body: BodyKinematics) -> Mortar:
     """The projection from the facets of the master to those of the slave.
 
-    ``without (f, n)`` are the nodes of the slave's facets that give no multiplier there; integrals are over whole rings
-    of a body of revolution where ``ring`` says so.
+    ``without (f, n)`` are the nodes of the slave's facets that give no multiplier there.
     """
-    slave, master = pieces.facets
-    own, other = mesh.facet_nodes(slave, order), mesh.facet_nodes(master, order)
-    rule = _integration(mesh, order, pieces, ring)
+    (slave, master), order = pieces.sides, pieces.sides[0].order
+    own, other = slave.nodes, master.nodes
+    rule = _integration(mesh, pieces, body)
     phi, across, weight = contact_shapes(order, rule.on_slave), shape_values(order, rule.on_master), rule.weight
     size = own.shape[1]
-    mass = np.zeros((len(slave), size, size))
+    mass = np.zeros((len(own), size, size))
     np.add.at(mass, pieces.slave, np.einsum("kq,kqi,kqj->kij", weight, phi, phi))
-    none, count = weightless(mesh, slave, order, ring), len(mesh.nodes(order))
-    around = np.bincount(own.ravel(), facet_shares(mesh, slave, order, ring).ravel(), count)
+    around, none = contact_weights(mesh, slave, body)
+    count = len(around)
     seen = np.flatnonzero(pieces.touches)
     none |= np.bincount(own[seen].ravel(), mass[seen].sum(axis=2).ravel(), count) <= _COVERED * around
     without = without | none[own]
@@ -120,33 +119,29 @@ def mortar(mesh: Mesh, order: int, pieces: Pairing, without: BoolArray, ring: bo
     rows.eliminate_zeros()
     turned = _turned(mesh, pieces)
     psi = np.einsum("kij,kqj->kqi", dual[pieces.slave], phi)
-    coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(master), rule, psi)
+    coupling = _Coupling(own, here, pieces.slave, pieces.master, there, len(other), rule, psi)
     return Mortar(nodes, weights[nodes], sp.csr_array(rows), turned, coupling, pieces)
 
 
-def _integration(mesh: Mesh, order: int, pieces: Pairing, ring: bool) -> _Rule:
+def _integration(mesh: Mesh, pieces: Pairing, body: BodyKinematics) -> _Rule:
     """A rule that is exact for products of two shape functions, and of one and a quadratic."""
-    slave = pieces.facets[0]
-    rule, portion = quadrature_rule(mesh.dim - 1, order + 2 + ring)
+    slave = pieces.sides[0]
+    rule, portion = quadrature_rule(mesh.dim - 1, slave.order + 2 + body.ring)
     on_slave, on_master = (np.einsum("qc,kcb->kqb", rule, at) for at in (pieces.on_slave, pieces.on_master))
-    weight = (pieces.share * mesh.facet_normals(slave)[1][pieces.slave])[:, None] * portion
-    if ring:
-        radius = mesh.points[slave, 0][pieces.slave]
-        weight = weight * 2.0 * np.pi * np.einsum("kqb,kb->kq", on_slave, radius)
-    return _Rule(on_slave, on_master, weight)
+    weight = (pieces.share * slave.weights[pieces.slave])[:, None] * portion
+    points = np.einsum("kqb,kbd->kqd", on_slave, mesh.points[slave.facets[pieces.slave]])
+    return _Rule(on_slave, on_master, weight * body.measure(points))
 
 
 def _turned(mesh: Mesh, pieces: Pairing) -> float:
     """The largest angle in degrees between facets that are nearer to each other than their size."""
-    slave, master = pieces.facets
-    normal, measure = (part[pieces.slave] for part in mesh.facet_normals(slave))
+    slave, master = pieces.sides[0].take(pieces.slave), pieces.sides[1].take(pieces.master)
     middle = [
-        np.einsum("kc,kcd->kd", at.mean(axis=1), mesh.points[facets])
-        for at, facets in ((pieces.on_slave, slave[pieces.slave]), (pieces.on_master, master[pieces.master]))
+        np.einsum("kc,kcd->kd", at.mean(axis=1), mesh.points[side.facets])
+        for at, side in ((pieces.on_slave, slave), (pieces.on_master, master))
     ]
-    far = np.abs(np.einsum("kd,kd->k", normal, middle[1] - middle[0]))
-    near = far <= measure ** (1.0 / (mesh.dim - 1))
-    cosine = -np.einsum("kd,kd->k", normal, mesh.facet_normals(master)[0][pieces.master])[near]
+    far = np.abs(np.einsum("kd,kd->k", slave.normals, middle[1] - middle[0]))
+    cosine = -np.einsum("kd,kd->k", slave.normals, master.normals)[far <= slave.widths]
     return float(np.degrees(np.arccos(np.clip(cosine.min(initial=1.0), -1.0, 1.0))))
 
 

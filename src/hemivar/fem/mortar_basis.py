@@ -84,9 +84,9 @@ def _with_rows(matrix: sp.csr_array, rows: IntArray, changed: sp.csr_array) -> s
 
     indices = joined(matrix.indices, changed.indices.astype(matrix.indices.dtype))
     parts = joined(matrix.data, changed.data), indices, indptr.astype(matrix.indptr.dtype)
-    found = sp.csr_array(parts, shape=matrix.shape)
-    found.has_canonical_format = True
-    return found
+    whole = sp.csr_array(parts, shape=matrix.shape)
+    whole.has_canonical_format = True
+    return whole
 
 
 # ---- the change of basis -------------------------------------------------------------------------------------------
@@ -103,8 +103,8 @@ def jump_unknowns(trace: sp.csr_array, own: IntArray, node: IntArray) -> JumpUnk
     circle.
     """
     at_own, local = _own_pivots(trace, own, node)
-    found = _changed(trace, _elsewhere(at_own, trace, ~local, node), node)
-    return _changed(trace, at_own, node) if found is None else found
+    changed = _changed(trace, _elsewhere(at_own, trace, ~local, node), node)
+    return _changed(trace, at_own, node) if changed is None else changed
 
 
 def _changed(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> JumpUnknowns | None:
@@ -134,22 +134,22 @@ def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
 
 def _slots(node: IntArray) -> tuple[IntArray, IntArray]:
     """Of things at nodes (k,): the number of the node among these, and which of its things each is."""
-    _, place = np.unique(node, return_inverse=True)
-    order = np.argsort(place, kind="stable")
+    _, block = np.unique(node, return_inverse=True)
+    order = np.argsort(block, kind="stable")
     slot = np.empty(node.size, dtype=np.int64)
-    slot[order] = np.arange(node.size) - np.searchsorted(place[order], place[order])
-    return place, slot
+    slot[order] = np.arange(node.size) - np.searchsorted(block[order], block[order])
+    return block, slot
 
 
 def _own_pivots(trace: sp.csr_array, own: IntArray, node: IntArray) -> tuple[IntArray, BoolArray]:
     """The unknown (k,) of its own node in whose place each jump comes, -1 for those that find none; its entries."""
-    place, slot = _slots(own)
+    block, slot = _slots(own)
     first, entries = np.searchsorted(node, own), trace.tocoo()
     local = node[entries.col] == own[entries.row]
     row, column = entries.row[local], entries.col[local]
-    blocks = np.zeros((int(place.max(initial=-1)) + 1, int(slot.max(initial=-1)) + 1, 3))
-    blocks[place[row], slot[row], column - first[row]] = entries.data[local]
-    picked = _picked(blocks)[place, slot]
+    blocks = np.zeros((int(block.max(initial=-1)) + 1, int(slot.max(initial=-1)) + 1, 3))
+    blocks[block[row], slot[row], column - first[row]] = entries.data[local]
+    picked = _picked(blocks)[block, slot]
     return np.where(picked < 0, -1, first + picked), local
 
 
@@ -179,22 +179,22 @@ def _independent(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> IntArr
     """The nodes whose unknowns are pivots (k,) of rows that see them along different directions."""
     rows = np.flatnonzero(pivot >= 0)
     at = node[pivot[rows]]
-    blocks, place, _ = _blocks(sp.csr_array(trace[rows][:, pivot[rows]]), at)
-    return np.asarray(at[np.linalg.svd(blocks, compute_uv=False)[place, -1] > _OWN**2])
+    blocks, block, _ = _blocks(sp.csr_array(trace[rows][:, pivot[rows]]), at)
+    return np.asarray(at[np.linalg.svd(blocks, compute_uv=False)[block, -1] > _OWN**2])
 
 
 def _picked(rest: Array) -> IntArray:
     """Columns (p, r) of the pivots of the rows of blocks (p, r, c), row after row; -1 where a row has none."""
-    every, found = np.arange(len(rest)), np.full(rest.shape[:2], -1)
+    every, picked = np.arange(len(rest)), np.full(rest.shape[:2], -1)
     for r in range(rest.shape[1]):
         row = rest[:, r]
         pick = np.argmax(np.abs(row), axis=1)
         value = row[every, pick]
         good = np.abs(value) > _OWN
-        found[good, r] = pick[good]
+        picked[good, r] = pick[good]
         factor = rest[every, :, pick] * (good / np.where(good, value, 1.0))[:, None]
         rest = rest - factor[:, :, None] * row[:, None, :]
-    return found
+    return picked
 
 
 def _inverse(matrix: sp.csr_array, node: IntArray) -> sp.csr_array | None:
@@ -203,20 +203,20 @@ def _inverse(matrix: sp.csr_array, node: IntArray) -> sp.csr_array | None:
     entries = matrix.tocoo()
     away = node[entries.row] != node[entries.col]
     across = sp.csr_array((entries.data[away], (entries.row[away], entries.col[away])), shape=matrix.shape)
-    step, found, part = sp.csr_array(-own @ across), own, own
+    step, inverse, part = sp.csr_array(-own @ across), own, own
     for _ in range(_CHAIN):
         part = sp.csr_array(step @ part)
         if not part.nnz:
-            return found
-        found = sp.csr_array(found + part)
+            return inverse
+        inverse = sp.csr_array(inverse + part)
     return None
 
 
 def _of_blocks(matrix: sp.csr_array, node: IntArray) -> sp.csr_array:
     """The inverse of the blocks of nodes on the diagonal of a matrix (k, k)."""
-    blocks, place, slot = _blocks(matrix, node)
+    blocks, block, slot = _blocks(matrix, node)
     number = np.full(blocks.shape[:2], -1)
-    number[place, slot] = np.arange(node.size)
+    number[block, slot] = np.arange(node.size)
     rows, columns = (np.broadcast_to(one, blocks.shape) for one in (number[:, :, None], number[:, None, :]))
     real = (rows >= 0) & (columns >= 0)
     return sp.csr_array((np.linalg.inv(blocks)[real], (rows[real], columns[real])), shape=matrix.shape)
@@ -224,11 +224,11 @@ def _of_blocks(matrix: sp.csr_array, node: IntArray) -> sp.csr_array:
 
 def _blocks(matrix: sp.csr_array, node: IntArray) -> tuple[Array, IntArray, IntArray]:
     """The blocks (p, 3, 3) of nodes on the diagonal of a matrix (k, k); block and row in it of each of its rows."""
-    place, slot = _slots(node)
+    block, slot = _slots(node)
     entries = matrix.tocoo()
     within = node[entries.row] == node[entries.col]
     row, column = entries.row[within], entries.col[within]
-    blocks = np.tile(np.eye(3), (int(place.max(initial=-1)) + 1, 1, 1))
-    blocks[place, slot, slot] = 0.0
-    blocks[place[row], slot[row], slot[column]] = entries.data[within]
-    return blocks, place, slot
+    blocks = np.tile(np.eye(3), (int(block.max(initial=-1)) + 1, 1, 1))
+    blocks[block, slot, slot] = 0.0
+    blocks[block[row], slot[row], slot[column]] = entries.data[within]
+    return blocks, block, slot

@@ -95,22 +95,22 @@ class LevelNodes:
         lonely = ~kept
         lonely[row] = False
         kept = kept | lonely
-        way = self.points[column] - self.points[row]
-        square = np.einsum("ij,ij->i", way, way)
+        offset = self.points[column] - self.points[row]
+        square = np.einsum("ij,ij->i", offset, offset)
         order = np.lexsort((square, row))
         first = np.flatnonzero(np.diff(row[order], prepend=-1))
-        place = np.arange(order.size) - np.repeat(first, np.diff(first, append=order.size))
-        near = place < _NEAR[self.points.shape[1]]
-        chosen, place = order[near], place[near]
-        row, column, way, square = row[chosen], column[chosen], way[chosen], square[chosen]
+        rank = np.arange(order.size) - np.repeat(first, np.diff(first, append=order.size))
+        near = rank < _NEAR[self.points.shape[1]]
+        chosen, rank = order[near], rank[near]
+        row, column, offset, square = row[chosen], column[chosen], offset[chosen], square[chosen]
         own, slot = np.unique(row, return_inverse=True)
         shape = (own.size, _NEAR[self.points.shape[1]])
-        ways, squares, there_ = np.zeros((*shape, way.shape[1])), np.zeros(shape), np.zeros(shape, dtype=bool)
-        ways[slot, place], squares[slot, place], there_[slot, place] = way, square, True
-        found = _least_squares(ways, squares, there_)[slot, place]
+        offsets, squares, there_ = np.zeros((*shape, offset.shape[1])), np.zeros(shape), np.zeros(shape, dtype=bool)
+        offsets[slot, rank], squares[slot, rank], there_[slot, rank] = offset, square, True
+        fitted = _least_squares(offsets, squares, there_)[slot, rank]
         same = np.flatnonzero(kept)
         number = np.cumsum(kept) - 1
-        entries = np.concatenate([found, np.ones(same.size)])
+        entries = np.concatenate([fitted, np.ones(same.size)])
         places = np.concatenate([row, same]), number[np.concatenate([column, same])]
         return kept, sp.csr_array((entries, places), shape=(kept.size, same.size))
 
@@ -126,25 +126,25 @@ class LevelNodes:
         return LevelNodes(self.node[kept], self.points[kept], near, self.label[kept], self.rank[kept], whole)
 
 
-def _least_squares(way: Array, square: Array, there: BoolArray) -> Array:
+def _least_squares(offset: Array, square: Array, there: BoolArray) -> Array:
     """Weights (k, q) of neighbours that lie ``way (k, q, d)`` from a node, which reproduce linear functions."""
     count = there.sum(axis=1)
     mean = square.sum(axis=1) / count
     close = there / (square / mean[:, None] + _SOFT)
-    moments = np.concatenate([there[:, :, None], way / np.sqrt(mean)[:, None, None]], axis=2)
+    moments = np.concatenate([there[:, :, None], offset / np.sqrt(mean)[:, None, None]], axis=2)
     matrix = np.einsum("kqi,kq,kqj->kij", moments, close, moments)
     size = close.sum(axis=1)
-    found = np.zeros(there.shape)
-    wanted = np.ones(len(way), dtype=bool)
+    fitted = np.zeros(there.shape)
+    wanted = np.ones(len(offset), dtype=bool)
     for ridge in _RIDGES:
-        soft = matrix[wanted] + ridge * size[wanted, None, None] * np.diag([0.0] + [1.0] * way.shape[2])
+        soft = matrix[wanted] + ridge * size[wanted, None, None] * np.diag([0.0] + [1.0] * offset.shape[2])
         unit = np.zeros((len(soft), soft.shape[1], 1))
         unit[:, 0] = 1.0
         factor = np.linalg.solve(soft, unit)[..., 0]
         weights = close[wanted] * np.einsum("kqi,ki->kq", moments[wanted], factor)
-        found[wanted] = weights / weights.sum(axis=1, keepdims=True)
-        wanted = np.abs(found).sum(axis=1) > _LARGE
-    return found
+        fitted[wanted] = weights / weights.sum(axis=1, keepdims=True)
+        wanted = np.abs(fitted).sum(axis=1) > _LARGE
+    return fitted
 
 
 def coarser_by_nodes(problem: DiscreteProblem, graph: LevelNodes) -> tuple[Coarser, LevelNodes] | None:
@@ -158,17 +158,17 @@ def coarser_by_nodes(problem: DiscreteProblem, graph: LevelNodes) -> tuple[Coars
     kept, weights = graph.weights(graph.kept())
     own = field.own
     first = own.indptr[:-1]
-    place = np.full(field.number_of_nodes, -1)
-    place[graph.node] = np.arange(graph.node.size)
-    of_unknown = place[own.indices[first] // field.components]
+    number = np.full(field.number_of_nodes, -1)
+    number[graph.node] = np.arange(graph.node.size)
+    of_unknown = number[own.indices[first] // field.components]
     chosen = kept[of_unknown]
     if chosen.sum() > _MOST * chosen.size or not chosen.any():
         return None
     prolongation = _prolongation(field, graph, kept, weights, chosen)
     if abs(prolongation[chosen] - sp.eye_array(prolongation.shape[1])).max() > _SAME:
         return None
-    taken = np.flatnonzero(kept[place[problem.contact.node]]) if problem.contact.count else np.zeros(0, dtype=np.int64)
-    contact = _contact(problem.contact, taken, place, weights, kept, chosen)
+    taken = np.flatnonzero(kept[number[problem.contact.node]]) if problem.contact.count else np.zeros(0, dtype=np.int64)
+    contact = _contact(problem.contact, taken, number, weights, kept, chosen)
     if np.diff(contact.trace.indptr).sum() != np.diff(problem.contact.take(taken).trace.indptr).sum():
         return None
     select = sp.csr_array(sp.eye_array(chosen.size, format="csr")[chosen])
@@ -200,12 +200,12 @@ def _prolongation(
     alone = sp.csr_array(nodal @ sp.csr_array(own.tocsr()[kept_rows])[:, chosen])
     if not jumps.any():
         return _cleaned(alone)
-    found, basis = alone, sp.csr_array(field.basis)[kept_rows]
+    prolongation, basis = alone, sp.csr_array(field.basis)[kept_rows]
     other = sp.diags_array((~jumps).astype(float))
     of_jumps = sp.csr_array(sp.diags_array(jumps.astype(float)) @ alone @ sp.diags_array(jumps[chosen].astype(float)))
     for _ in range(_CHAIN):
-        found = _cleaned(sp.csr_array(other @ (nodal @ (basis @ found)) + of_jumps))
-    return found
+        prolongation = _cleaned(sp.csr_array(other @ (nodal @ (basis @ prolongation)) + of_jumps))
+    return prolongation
 
 
 def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
@@ -216,7 +216,12 @@ def _cleaned(matrix: sp.csr_array) -> sp.csr_array:
 
 
 def _contact(
-    contact: ContactPoints, taken: IntArray, place: IntArray, weights: sp.csr_array, kept: BoolArray, chosen: BoolArray
+    contact: ContactPoints,
+    taken: IntArray,
+    position: IntArray,
+    weights: sp.csr_array,
+    kept: BoolArray,
+    chosen: BoolArray,
 ) -> ContactPoints:
     """The contact points that are kept, each with its part of the area of the others."""
     number = np.cumsum(kept) - 1
@@ -225,7 +230,7 @@ def _contact(
     area = np.zeros(taken.size)
     for boundary in np.unique(contact.boundary):
         on, here = contact.boundary == boundary, contact.boundary[taken] == boundary
-        whole = share[place[contact.node[on]]].T @ contact.weights[on]
-        area[here] = whole[number[place[contact.node[taken[here]]]]]
+        whole = share[position[contact.node[on]]].T @ contact.weights[on]
+        area[here] = whole[number[position[contact.node[taken[here]]]]]
     points = contact.take(taken)
     return replace(points, trace=sp.csr_array(points.trace[:, chosen]), weights=area, mean=None)

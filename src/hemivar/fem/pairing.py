@@ -17,6 +17,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.facet_tree import FacetTree
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -37,7 +38,7 @@ _WITHIN = (1.0, 0.8137, 0.6311)
 class Pairing:
     """Simplices of the slave's facets and of those of the master that they meet, by barycentric coordinates of both."""
 
-    facets: tuple[IntArray, IntArray]  # (f, d) of the slave, (g, d) of the master
+    sides: tuple[BoundaryRule, BoundaryRule]  # the slave, of f facets, and the master, of g
     slave: IntArray  # (k,)
     master: IntArray  # (k,)
     on_slave: Array  # (k, d, d)
@@ -50,7 +51,7 @@ class Pairing:
     @cached_property
     def covered(self) -> Array:
         """The share (f,) of each facet of the slave that meets the master."""
-        return np.asarray(np.bincount(self.slave, self.share, len(self.facets[0])), dtype=float)
+        return np.asarray(np.bincount(self.slave, self.share, len(self.sides[0].facets)), dtype=float)
 
     @property
     def touches(self) -> BoolArray:
@@ -60,7 +61,7 @@ class Pairing:
     @cached_property
     def distance(self) -> Array:
         """The mean distance (f,) of what each facet of the slave meets, negative where they overlap."""
-        summed = np.bincount(self.slave, self.share * self.depth, len(self.facets[0]))
+        summed = np.bincount(self.slave, self.share * self.depth, len(self.sides[0].facets))
         return np.asarray(summed / np.where(self.touches, self.covered, 1.0))
 
 
@@ -81,8 +82,8 @@ class _View:
     def projected(self, first: IntArray, facets: IntArray) -> _Layer:
         """Facets (p, d) as they are seen from facets (p,) of the slave."""
         d = self.points.shape[1]
-        way = self.points[facets] - self.points[self.facets[first, 0]][:, None]
-        inner = way @ self._back[first]
+        offset = self.points[facets] - self.points[self.facets[first, 0]][:, None]
+        inner = offset @ self._back[first]
         depth = inner[:, :, d - 1].copy()
         inner[:, :, d - 1] = 1.0 - inner[:, :, : d - 1].sum(axis=2)
         return _Layer(np.roll(inner, 1, axis=2), depth)
@@ -135,21 +136,21 @@ class _Pieces:
     def depth(self) -> Array:
         """Of the corners (k, n), those beyond the number of a polygon repeating its first one."""
         d = self.depths.shape[1]
-        found = np.einsum("knc,kc->kn", self.polygon[:, :, d:], self.depths)
-        there = np.arange(found.shape[1]) < self.corners[:, None]
-        return np.asarray(np.where(there, found, found[:, :1]))
+        depth = np.einsum("knc,kc->kn", self.polygon[:, :, d:], self.depths)
+        there = np.arange(depth.shape[1]) < self.corners[:, None]
+        return np.asarray(np.where(there, depth, depth[:, :1]))
 
 
-def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing:
-    """What the facets ``slave (f, d)`` meet of the facets ``master (g, d)`` along their normals.
+def paired(mesh: Mesh, sides: tuple[BoundaryRule, BoundaryRule], names: str) -> Pairing:
+    """What the facets (f, d) of the first side, the slave, meet of those of the second one along their normals.
 
     ``names`` is what messages call the two.  Raises ProblemError: nothing faces the slave.
     """
-    normal, measure = mesh.facet_normals(slave)
+    slave, master, normal = sides[0].facets, sides[1].facets, sides[0].normals
     rounding = 8.0 * np.finfo(float).eps * float(np.abs(mesh.points).max())
-    view = _View(mesh.points, slave, normal, _ONE_PLACE * measure ** (1.0 / (mesh.dim - 1)) + rounding)
+    view = _View(mesh.points, slave, normal, _ONE_PLACE * sides[0].widths + rounding)
     first, second = view.columns(FacetTree(mesh.points[master]), np.arange(len(slave)))
-    facing = np.einsum("pd,pd->p", normal[first], mesh.facet_normals(master)[0][second]) < _FACING
+    facing = np.einsum("pd,pd->p", normal[first], sides[1].normals[second]) < _FACING
     first, second = first[facing], second[facing]
     same, turn = _coinciding(view, first, master[second])
     rest, d = ~np.isin(first, first[same]), mesh.dim
@@ -159,8 +160,8 @@ def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing
     big = share > _ROUNDED
     simplices, of = simplices[big], of[big]
     whole = np.broadcast_to(np.eye(d), turn.shape)
-    found = Pairing(
-        (slave, master),
+    pairing = Pairing(
+        sides,
         np.concatenate([first[same], pieces.slave[of]]),
         np.concatenate([second[same], pieces.master[of]]),
         np.concatenate([whole, simplices[:, :, :d]]),
@@ -170,17 +171,17 @@ def paired(mesh: Mesh, slave: IntArray, master: IntArray, names: str) -> Pairing
         view.slack,
         lost,
     )
-    if not found.touches.any():
+    if not pairing.touches.any():
         raise ProblemError(_nothing(mesh, names, slave[lost]))
-    return replace(found, lost=lost[found.covered[lost] < 1.0 - _COVERED])
+    return replace(pairing, lost=lost[pairing.covered[lost] < 1.0 - _COVERED])
 
 
 def _nothing(mesh: Mesh, names: str, lost: IntArray) -> str:
-    said = f"{names}: no facet of the one faces the other along its normals; check names, places and units"
+    message = f"{names}: no facet of the one faces the other along its normals; check names, places and units"
     if not len(lost):
-        return said
-    place = ", ".join(f"{x:.6g}" for x in mesh.points[lost[0]].mean(axis=0))
-    return f"{said}: at ({place}) another part of the mesh is in between, or the overlap is deeper than the body"
+        return message
+    point = ", ".join(f"{x:.6g}" for x in mesh.points[lost[0]].mean(axis=0))
+    return f"{message}: at ({point}) another part of the mesh is in between, or the overlap is deeper than the body"
 
 
 def _coinciding(view: _View, first: IntArray, facets: IntArray) -> tuple[IntArray, Array]:
@@ -249,8 +250,8 @@ class _Surroundings:
     """
 
     def __init__(self, mesh: Mesh, view: _View, master: IntArray) -> None:
-        self.view, self.facets = view, mesh.boundary_facets
-        self.corners, self.normal = mesh.points[self.facets], mesh.facet_normals(self.facets)[0]
+        self.view, rule = view, boundary_rule(mesh, None)
+        self.facets, self.corners, self.normal = rule.facets, mesh.points[rule.facets], rule.normals
         self.tree = FacetTree(self.corners)
         every, sought = (facet_keys(facets, mesh.number_of_nodes) for facets in (self.facets, master))
         self.sought = np.isin(every, sought)
@@ -305,18 +306,18 @@ class _Surroundings:
         """Whether places of the slave are within the body that a piece of the master belongs to, (k,)."""
         d, view = self.corners.shape[2], self.view
         weights = np.array(_WITHIN[:d]) / sum(_WITHIN[:d])
-        place = np.einsum("c,kcb,kbd->kd", weights, pieces.polygon[:, :d, :d], view.points[view.facets[pieces.slave]])
-        way, still = view.normal[pieces.slave], np.zeros(len(place))
-        column, facet = self.tree.near(place, way, still, (still, still + np.inf))
-        out = np.einsum("pd,pd->p", way[column], self.normal[facet])
+        point = np.einsum("c,kcb,kbd->kd", weights, pieces.polygon[:, :d, :d], view.points[view.facets[pieces.slave]])
+        normal, still = view.normal[pieces.slave], np.zeros(len(point))
+        column, facet = self.tree.near(point, normal, still, (still, still + np.inf))
+        out = np.einsum("pd,pd->p", normal[column], self.normal[facet])
         some = (self.part[facet] == self.other[pieces.master[column]]) & (np.abs(out) > _EDGE_ON)
         column, facet, out = column[some], facet[some], out[some]
         corner = self.corners[facet]
-        frame = np.concatenate([corner[:, 1:] - corner[:, :1], -way[column][:, None]], axis=1)
-        at = np.linalg.solve(frame.transpose(0, 2, 1), (place[column] - corner[:, 0])[:, :, None])[:, :, 0]
+        frame = np.concatenate([corner[:, 1:] - corner[:, :1], -normal[column][:, None]], axis=1)
+        at = np.linalg.solve(frame.transpose(0, 2, 1), (point[column] - corner[:, 0])[:, :, None])[:, :, 0]
         inner, depth = at[:, : d - 1], at[:, d - 1]
         hit = (inner >= 0.0).all(axis=1) & (inner.sum(axis=1) <= 1.0) & (depth > view.slack[pieces.slave[column]])
-        return np.bincount(column, np.where(hit, np.sign(out), 0.0), len(place)) > 0.5
+        return np.bincount(column, np.where(hit, np.sign(out), 0.0), len(point)) > 0.5
 
 
 def _side_by_side(pieces: _Pieces) -> tuple[IntArray, IntArray]:
@@ -340,12 +341,12 @@ def _couples(one: IntArray, other: IntArray) -> tuple[IntArray, IntArray]:
 
 def _apart(one: _Layer, i: IntArray, other: _Layer, j: IntArray) -> BoolArray:
     """Whether an edge of one of two simplices, those ``i (p,)`` and ``j (p,)``, has the other one on its far side."""
-    found = np.zeros(len(i), dtype=bool)
+    apart = np.zeros(len(i), dtype=bool)
     for a, b, at, by in ((one, other, i, j), (other, one, j, i)):
-        left = np.flatnonzero(~found)
+        left = np.flatnonzero(~apart)
         inside = a.corners[at[left]] @ np.linalg.inv(b.corners)[by[left]]
-        found[left] = (_largest(inside) <= _LAYERS).any(axis=1)
-    return found
+        apart[left] = (_largest(inside) <= _LAYERS).any(axis=1)
+    return apart
 
 
 def _largest(corners: Array) -> Array:
@@ -383,8 +384,8 @@ def _without(pieces: _Pieces, which: IntArray, layer: _Layer) -> _Pieces:
         fresh, of = _outside(left.take(now), layer[order[start[touched[now]] + k]])
         rest = np.flatnonzero(count[touched] <= k)
         left, touched = _joined(left.take(rest), fresh), np.concatenate([touched[rest], touched[now[of]]])
-    found = _joined(pieces.take(count == 0), left)
-    return found.take(np.argsort(found.slave, kind="stable"))
+    visible = _joined(pieces.take(count == 0), left)
+    return visible.take(np.argsort(visible.slave, kind="stable"))
 
 
 def _outside(pieces: _Pieces, layer: _Layer) -> tuple[_Pieces, IntArray]:
@@ -439,13 +440,13 @@ def _clipped(polygon: Array, corners: IntArray, axes: Iterable[int], d: int) -> 
 
 def _cut(polygon: Array, corners: IntArray, axis: int, *, closed: bool) -> tuple[Array, IntArray]:
     count, most, width = polygon.shape
-    place = np.arange(most)
-    there = place < corners[:, None]
-    following = np.where(place + 1 < corners[:, None], place + 1, 0)
+    corner = np.arange(most)
+    there = corner < corners[:, None]
+    following = np.where(corner + 1 < corners[:, None], corner + 1, 0)
     after = np.take_along_axis(polygon, following[:, :, None], axis=1)
     value, ahead = polygon[:, :, axis], after[:, :, axis]
     inside = there & (value >= 0.0)
-    crosses = there & ((value >= 0.0) != (ahead >= 0.0)) & (closed | (place + 1 < corners[:, None]))
+    crosses = there & ((value >= 0.0) != (ahead >= 0.0)) & (closed | (corner + 1 < corners[:, None]))
     part = np.where(crosses, value / np.where(crosses, value - ahead, 1.0), 0.0)
     cut = polygon + part[:, :, None] * (after - polygon)
     cut[:, :, axis] = np.where(crosses, 0.0, cut[:, :, axis])
@@ -474,8 +475,8 @@ def _fanned(polygon: Array, corners: IntArray, d: int) -> tuple[Array, IntArray]
 
 def _shares(polygon: Array, corners: IntArray, d: int) -> Array:
     """Shares (k,) of the slave's facets that polygons (k, n, c) are."""
-    place = polygon[:, :, :d]
-    found = np.where(corners >= d, np.linalg.det(place[:, :d]), 0.0)
+    corner = polygon[:, :, :d]
+    size = np.where(corners >= d, np.linalg.det(corner[:, :d]), 0.0)
     for k in range(d, polygon.shape[1]):
-        found += np.where(corners > k, np.linalg.det(place[:, [0, k - 1, k]]), 0.0) if d == 3 else 0.0
-    return np.abs(found)
+        size += np.where(corners > k, np.linalg.det(corner[:, [0, k - 1, k]]), 0.0) if d == 3 else 0.0
+    return np.abs(size)

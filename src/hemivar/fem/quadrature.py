@@ -50,5 +50,5 @@ def at_quadrature_points(
     corners = mesh.points[mesh.cells[cells] if vertices is None else vertices]
     points = np.einsum("qk,mkd->mqd", barycentric, corners)
     masks = {name: np.repeat(mask[cells], len(weights)) for name, mask in region_masks(mesh).items()}
-    found = values(points.reshape(-1, mesh.dim), masks)
-    return found.reshape(*points.shape[:2], *found.shape[1:]), weights
+    sampled = values(points.reshape(-1, mesh.dim), masks)
+    return sampled.reshape(*points.shape[:2], *sampled.shape[1:]), weights

@@ -60,9 +60,9 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     if not isinstance(problem.bulk, Potential):
         quadratic(problem.bulk, "the reaction of a support")
     supports = stated_supports(stated)
-    held = supports.count > 0
+    fixed = supports.count > 0
     mesh, order = stated.mesh, stated.order
-    cells = np.flatnonzero(held[mesh.cell_nodes(order)].any(axis=1))
+    cells = np.flatnonzero(fixed[mesh.cell_nodes(order)].any(axis=1))
     load = stated_load(stated).reshape(displacement.shape)
     if isinstance(problem.bulk, Potential):
         moved, size = problem.bulk.initial_forces, norm(problem.bulk.initial_sizes)
@@ -123,8 +123,8 @@ def _of_material(problem: ContactProblem, displacement: Array, cells: IntArray) 
     gradients, nodes = barycentric_gradients(mesh, cells), mesh.cell_nodes(order)[cells]
     values, volumes = displacement[nodes], mesh.volumes[cells]
     forces: Array = np.zeros(values.shape)
-    for q, (place, weight) in enumerate(zip(barycentric, weights, strict=True)):
-        shapes = np.einsum("la,kad->kld", shape_derivatives(order, place), gradients)
+    for q, (point, weight) in enumerate(zip(barycentric, weights, strict=True)):
+        shapes = np.einsum("la,kad->kld", shape_derivatives(order, point), gradients)
         strain = problem.kinematics.strain(np.einsum("kld,klc->kcd", shapes, values))
         stress = (matrices[:, min(q, matrices.shape[1] - 1)] @ strain[:, :, None])[:, :, 0]
         forces += np.einsum("k,kcd,kld->klc", weight * volumes, stress[:, law.strains], shapes)

@@ -9,7 +9,6 @@ import numpy as np
 
 from hemivar.basics.types import BoolArray
 from hemivar.fem.pairing import Pairing
-from hemivar.mesh.mesh import Mesh
 
 __all__ = ["handed_on"]
 
@@ -17,16 +16,16 @@ __all__ = ["handed_on"]
 _SHARP = np.cos(np.radians(40.0))
 
 
-def handed_on(mesh: Mesh, order: int, pieces: Pairing) -> BoolArray:
+def handed_on(pieces: Pairing) -> BoolArray:
     """Which nodes (f, n) of the slave's facets belong to nearer facets beyond a sharp corner."""
-    members, normal = mesh.facet_nodes(pieces.facets[0], order), mesh.facet_normals(pieces.facets[0])[0]
+    members, normal = pieces.sides[0].nodes, pieces.sides[0].normals
     facet, column = np.nonzero(np.broadcast_to(pieces.touches[:, None], members.shape))
     node, distance = members[facet, column], pieces.distance[facet]
     ordered = np.lexsort((distance, node))
-    _, first, place = np.unique(node[ordered], return_index=True, return_inverse=True)
+    _, first, group = np.unique(node[ordered], return_index=True, return_inverse=True)
     nearest = np.empty(len(node), dtype=np.int64)
-    nearest[ordered] = ordered[first[place]]
+    nearest[ordered] = ordered[first[group]]
     sharp = np.einsum("kd,kd->k", normal[facet], normal[facet[nearest]]) < _SHARP
-    found = np.zeros(members.shape, dtype=bool)
-    found[facet, column] = sharp & (distance > distance[nearest] + pieces.slack[facet])
-    return found
+    away = np.zeros(members.shape, dtype=bool)
+    away[facet, column] = sharp & (distance > distance[nearest] + pieces.slack[facet])
+    return away

@@ -15,6 +15,7 @@ from hemivar.fem.fields import FieldSource, _mesh_and_order, gradients_at
 from hemivar.fem.rings import hoop_strain
 from hemivar.fem.stress_stiffness import stiffened_by
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["SMALL", "Deformation", "deformation", "deformation_of", "slid_beyond"]
@@ -100,11 +101,9 @@ def slid_beyond(problem: DiscreteProblem, unknowns: Array) -> str | None:
         return None
     mesh, slip, worst = field.mesh, np.linalg.norm(problem.local(unknowns)[:, 1:], axis=1), 0.0
     for name, (slave, _) in contact.pairs.items():
-        facets, on = mesh.boundaries[slave], np.flatnonzero(contact.boundary == contact.names.index(name))
-        nodes, sizes = mesh.facet_nodes(facets, field.order), mesh.facet_normals(facets)[1] ** (1.0 / (mesh.dim - 1))
-        around = np.bincount(nodes.ravel(), np.repeat(sizes, nodes.shape[1])) / np.maximum(
-            np.bincount(nodes.ravel()), 1
-        )
+        rule, on = boundary_rule(mesh, slave, field.order), contact.on(name)
+        nodes, sizes = rule.nodes.ravel(), np.repeat(rule.widths, rule.nodes.shape[1])
+        around = np.bincount(nodes, sizes) / np.maximum(np.bincount(nodes), 1)
         worst = max(worst, float((slip[on] / around[contact.node[on]]).max(initial=0.0)))
     if not worst > 1.0:
         return None
@@ -163,7 +162,7 @@ def _principal(gradient: Array) -> Array:
         mean = 0.5 * (strain[0, 0] + strain[1, 1])
         return np.asarray(np.abs(mean) + np.hypot(0.5 * (strain[0, 0] - strain[1, 1]), strain[0, 1]))
     square = (strain**2).sum(axis=(0, 1))
-    found = np.sqrt(square / 3.0)  # at most the largest, and at least it over sqrt(3)
-    close = np.flatnonzero(math.sqrt(3.0) * found >= min(SMALL, float(found.max(initial=0.0))))
-    found[close] = np.abs(np.linalg.eigvalsh(strain[:, :, close].transpose(2, 0, 1))).max(axis=1)
-    return np.asarray(found)
+    largest = np.sqrt(square / 3.0)  # at most the largest, and at least it over sqrt(3)
+    close = np.flatnonzero(math.sqrt(3.0) * largest >= min(SMALL, float(largest.max(initial=0.0))))
+    largest[close] = np.abs(np.linalg.eigvalsh(strain[:, :, close].transpose(2, 0, 1))).max(axis=1)
+    return np.asarray(largest)

@@ -89,12 +89,12 @@ def stressed_problem(problem: DiscreteProblem, unknowns: Array) -> DiscreteProbl
     field, whole = problem.field, _of_all_nodes(problem, unknowns)
     assert field is not None
     bulk = Quadratic(sp.csr_array(problem.stiffness + _of_unknowns(problem, whole)), assembled=True)
-    found = problem.on_the_same(replace(problem.model, bulk=bulk, parts=Stressed(problem, unknowns)))
+    stressed = problem.on_the_same(replace(problem.model, bulk=bulk, parts=Stressed(problem, unknowns)))
     if not field.prescribed.any():
-        return found
+        return stressed
     pulled = whole @ field.prescribed
     constant = problem.constant + 0.5 * float(field.prescribed @ pulled)
-    return found.under(problem.load - field.basis.T @ pulled, constant=constant)
+    return stressed.under(problem.load - field.basis.T @ pulled, constant=constant)
 
 
 def under_own_stress(problem: DiscreteProblem, unknowns: Array) -> DiscreteProblem:

@@ -16,6 +16,7 @@ from hemivar.mechanics.conditions import (
     Support,
 )
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["DEPENDENT", "SHARP", "Supports", "in_words", "movable", "stated_supports", "sum_by", "unit"]
@@ -89,12 +90,12 @@ def stated_supports(problem: ContactProblem) -> Supports:
 
 def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support | ScalarData) -> None:
     """Demand what a support demands at the nodes of its boundary."""
-    facets = mesh.boundaries[name]
-    ids = np.unique(mesh.facet_nodes(facets, order))
+    rule = boundary_rule(mesh, name, order)
+    ids = np.unique(rule.nodes)
     points, components = supports.nodes[ids], supports.value.shape[1]
     what = f"supports['{name}']"
     if isinstance(support, Roller):
-        for members, normals in _smooth_normals(mesh, facets, order):
+        for members, normals in _smooth_normals(rule):
             supports.fix(name, members, normals, np.zeros(len(members)))
         return
     if isinstance(support, Fixed):
@@ -112,28 +113,25 @@ def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Supp
         supports.fix(name, ids, np.broadcast_to(np.eye(components)[axis], (len(ids), components)), column)
 
 
-def _smooth_normals(mesh: Mesh, facets: IntArray, order: int) -> list[tuple[IntArray, Array]]:
+def _smooth_normals(rule: BoundaryRule) -> list[tuple[IntArray, Array]]:
     """Averaged facet normals at the nodes of a boundary; facets that meet sharply are averaged separately.
 
     Returns up to d pairs of nodes (distinct in each pair) and unit normals.
     """
-    members = mesh.facet_nodes(facets, order)
-    normals, measures = mesh.facet_normals(facets)
-    ids = members.ravel()
-    normal = np.repeat(normals, members.shape[1], axis=0)
-    weight = np.repeat(measures, members.shape[1])
+    ids, often = rule.nodes.ravel(), rule.nodes.shape[1]
+    normal, weight = np.repeat(rule.normals, often, axis=0), np.repeat(rule.weights, often)
     remaining = np.arange(len(ids))
-    found = []
-    for _ in range(mesh.dim):
+    groups = []
+    for _ in range(normal.shape[1]):
         if len(remaining) == 0:
             break
-        nodes, first, place = np.unique(ids[remaining], return_index=True, return_inverse=True)
+        nodes, first, number = np.unique(ids[remaining], return_index=True, return_inverse=True)
         seed = normal[remaining[first]]
-        alike = np.einsum("kd,kd->k", normal[remaining], seed[place]) > SHARP
+        alike = np.einsum("kd,kd->k", normal[remaining], seed[number]) > SHARP
         chosen = remaining[alike]
-        found.append((nodes, unit(sum_by(place[alike], normal[chosen] * weight[chosen, None], len(nodes)))))
+        groups.append((nodes, unit(sum_by(number[alike], normal[chosen] * weight[chosen, None], len(nodes)))))
         remaining = remaining[~alike]
-    return found
+    return groups
 
 
 def sum_by(index: IntArray, values: Array, count: int) -> Array:
@@ -148,10 +146,10 @@ def unit(vectors: Array) -> Array:
     return np.asarray(scaled)
 
 
-def movable(vectors: Array, held: Array) -> Array:
+def movable(vectors: Array, fixed: Array) -> Array:
     """Part of vectors (k, c, d) orthogonal to the orthonormal rows of held (k, q, d), which may be zero."""
-    along = np.einsum("kcd,kqd->kcq", vectors, held)
-    return np.asarray(vectors - np.einsum("kcq,kqd->kcd", along, held))
+    along = np.einsum("kcd,kqd->kcq", vectors, fixed)
+    return np.asarray(vectors - np.einsum("kcq,kqd->kcd", along, fixed))
 
 
 def in_words(values: Array) -> str:

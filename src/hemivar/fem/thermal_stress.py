@@ -30,14 +30,14 @@ def stress_per_degree(problem: ContactProblem, heat: Heat, points: Array, region
         return np.zeros((len(points), dim, dim))
     expansion = at_place(heat.expansion, "expansion", points, regions)
     material, voigt = problem.material, voigt_index(dim)
-    held = material.stiffness_tensor(points, regions)[:, :, :dim].sum(axis=2)
+    stress = material.stiffness_tensor(points, regions)[:, :, :dim].sum(axis=2)
     if dim == 2:  # sigma_zz is linear in the strain, and C symmetric
-        for k in range(held.shape[1]):
+        for k in range(stress.shape[1]):
             unit = np.zeros((len(points), dim, dim))
             i, j = np.argwhere(voigt == k)[0]
             unit[:, i, j] = unit[:, j, i] = 1.0 if i == j else 0.5
-            held = held + np.eye(held.shape[1])[k] * material.out_of_plane_stress(points, unit, regions)[:, None]
-    return np.asarray(expansion[:, None, None] * held[:, voigt])
+            stress = stress + np.eye(stress.shape[1])[k] * material.out_of_plane_stress(points, unit, regions)[:, None]
+    return np.asarray(expansion[:, None, None] * stress[:, voigt])
 
 
 def thermal_matrix(problem: ContactProblem, heat: Heat) -> sp.csr_array:
@@ -51,12 +51,12 @@ def thermal_matrix(problem: ContactProblem, heat: Heat) -> sp.csr_array:
     gradients, masks = barycentric_gradients(mesh), region_masks(mesh)
     values = shape_values(order, barycentric)
     blocks = np.zeros((len(nodes), size, dim, size))
-    for q, place in enumerate(barycentric):
-        points = np.einsum("k,mkd->md", place, mesh.points[mesh.cells])
+    for q, point in enumerate(barycentric):
+        points = np.einsum("k,mkd->md", point, mesh.points[mesh.cells])
         beta = stress_per_degree(problem, heat, points, masks)
         if not np.isfinite(beta).all():
             raise ProblemError("the thermal stress per degree is not finite somewhere; check expansion and elasticity")
-        slopes = np.einsum("la,mad->mld", shape_derivatives(order, place), gradients)
+        slopes = np.einsum("la,mad->mld", shape_derivatives(order, point), gradients)
         pull = np.einsum("mce,mke->mkc", beta, slopes) * (weights[q] * mesh.volumes)[:, None, None]
         blocks += pull[:, :, :, None] * values[q]
     rows = np.broadcast_to((nodes[:, :, None] * dim + np.arange(dim))[:, :, :, None], blocks.shape)

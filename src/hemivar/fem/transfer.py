@@ -171,10 +171,10 @@ class _Search:
             self._visit(tree, members, neighbours, bound, todo[start : start + _CHUNK])
 
     def _visit(self, tree: KDTree, members: IntArray, neighbours: int, bound: float, ids: IntArray) -> None:
-        _, found = tree.query(self.points[ids], k=neighbours, distance_upper_bound=bound)
-        found = np.asarray(found).reshape(len(ids), -1)
-        missing = found == len(members)
-        cells = members[np.where(missing, 0, found)]
+        _, nearest = tree.query(self.points[ids], k=neighbours, distance_upper_bound=bound)
+        nearest = np.asarray(nearest).reshape(len(ids), -1)
+        missing = nearest == len(members)
+        cells = members[np.where(missing, 0, nearest)]
         offset = self.points[ids, None] - self.centroids[cells]
         corners = self.barycentric.shape[1]
         barycentric = 1.0 / corners + np.einsum("kcbd,kcd->kcb", self.gradients[cells], offset)

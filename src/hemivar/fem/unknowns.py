@@ -144,10 +144,10 @@ def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple
             chosen[every[active], pick[active]] = along[active]
             used[every[active], pick[active]] = True
             rest -= np.einsum("kcd,kd->kc", rest, along)[:, :, None] * along[:, None, :]
-        held = np.argsort(used, axis=1, kind="stable")  # slots of held directions come first
+        slots = np.argsort(used, axis=1, kind="stable")  # slots of held directions come first
         for step in range(dim - 1):
             filled = step < supports.count[partly]
-            chosen[every[filled], held[filled, step]] = supports.directions[partly[filled], step]
+            chosen[every[filled], slots[filled, step]] = supports.directions[partly[filled], step]
         directions[partly], free[partly] = chosen, used
     return directions, free
 
@@ -169,17 +169,17 @@ def basis_of(directions: Array, free: BoolArray) -> sp.csr_array:
     """The matrix P, shape (nodes * c, n); its columns are the free directions, node by node."""
     count, dim = free.shape
     narrow = np.int32 if directions.size < np.iinfo(np.int32).max else np.int64
-    place = np.flatnonzero(free)
-    rows, data = place.astype(narrow), np.ones(len(place))
-    starts = np.arange(len(place) + 1, dtype=narrow)
-    turned = np.repeat((directions != np.eye(dim)).any(axis=(1, 2)), dim)[place]
+    dofs = np.flatnonzero(free)
+    rows, data = dofs.astype(narrow), np.ones(len(dofs))
+    starts = np.arange(len(dofs) + 1, dtype=narrow)
+    turned = np.repeat((directions != np.eye(dim)).any(axis=(1, 2)), dim)[dofs]
     if turned.any():  # these columns may have more than one entry
-        node, slot = np.divmod(place[turned], dim)
+        node, slot = np.divmod(dofs[turned], dim)
         values = directions[node, slot]
         keep = values != 0.0
-        many = np.ones(len(place), dtype=np.int64)
+        many = np.ones(len(dofs), dtype=np.int64)
         many[turned] = keep.sum(axis=1)
         starts[1:] = np.cumsum(many)
         data, rows, at = np.repeat(data, many), np.repeat(rows, many), np.repeat(turned, many)
         data[at], rows[at] = values[keep], (node[:, None] * dim + np.arange(dim))[keep]
-    return sp.csr_array(sp.csc_array((data, rows, starts), shape=(count * dim, len(place))))
+    return sp.csr_array(sp.csc_array((data, rows, starts), shape=(count * dim, len(dofs))))

@@ -25,14 +25,14 @@ def read_loads(table: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, object]:
     """The fields of a problem that the table [loads] states."""
     if of_one:
         return decode(ContactProblem, table, mesh, "loads", OF_ONE)
-    found = decode(ContactProblem, table, mesh, "loads")
+    loads = decode(ContactProblem, table, mesh, "loads")
     if "pressure" in table:
-        tractions = found.setdefault("tractions", {})
+        tractions = loads.setdefault("tractions", {})
         for name, value in decode(Pressure, table, mesh, "loads")["value"].items():
             if name in tractions:
                 raise table.error(f"pressure.{name}", "this boundary has a traction too; give one of the two")
             tractions[name] = Pressure(value)
-    return found
+    return loads
 
 
 def loads_record(problem: ContactProblem) -> dict[str, object]:
@@ -50,7 +50,7 @@ def loads_record(problem: ContactProblem) -> dict[str, object]:
         }
 
     record = encode(problem, part="loads", tractions=vectors)
-    parts = {name: quantity_record(one.value, f"tractions['{name}']") for name, one in pushed.items()}
+    parts = {name: quantity_record(load.value, f"tractions['{name}']") for name, load in pushed.items()}
     return {key: value for key, value in (record | {"pressure": parts}).items() if value}
 
 
@@ -64,36 +64,36 @@ def read_supports(top: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, Support
                 raise table.error(name, f"must be the value of u, a number or a formula, not {kind(value)}; write 0.0")
         values: dict[str, Support | ScalarData] = decode(ContactProblem, top, mesh, by=OF_ONE).get("supports", {})
         return values
-    found: dict[str, Support | ScalarData] = {}
+    supports: dict[str, Support | ScalarData] = {}
     for name, value in table.data.items():
         check_named(mesh, table, name)
         if isinstance(value, str):
             if value not in SUPPORTS:
                 others = "or a table: { x = 0.0 } holds one component, { displacement = [...] } prescribes all"
                 raise table.error(name, f"'{value}' is not known{suggest(value, list(SUPPORTS))}; {others}")
-            found[name] = SUPPORTS[value]
+            supports[name] = SUPPORTS[value]
             continue
         if not isinstance(value, dict):
             ways = '"clamped", "roller", { x = 0.0 } or { displacement = [...] }'
             raise table.error(name, f"must be {ways}, not {kind(value)}")
-        held = table.table(name, (*VARIABLES[: mesh.dim], "displacement"), inline=True)
-        if "displacement" in held and len(held.data) > 1:
-            raise held.error("displacement", "fixes every direction; remove the single ones")
-        if not held.data:
+        fixed = table.table(name, (*VARIABLES[: mesh.dim], "displacement"), inline=True)
+        if "displacement" in fixed and len(fixed.data) > 1:
+            raise fixed.error("displacement", "fixes every direction; remove the single ones")
+        if not fixed.data:
             raise table.error(name, 'fixes nothing; give x, y or displacement, or write "clamped"')
-        form = Prescribed if "displacement" in held else Fixed
-        found[name] = form(**decode(form, held, mesh))
-    return found
+        form = Prescribed if "displacement" in fixed else Fixed
+        supports[name] = form(**decode(form, fixed, mesh))
+    return supports
 
 
 def supports_record(problem: ContactProblem) -> dict[str, object]:
     """The table [supports]."""
     if problem.kind:
         return encode(problem, by=OF_ONE).get("supports", {})  # type: ignore[return-value]
-    words: dict[type, str] = {type(one): word for word, one in SUPPORTS.items()}
+    words: dict[type, str] = {type(support): word for word, support in SUPPORTS.items()}
     return {
-        name: words.get(type(one)) or encode(one, f"supports['{name}']")  # type: ignore[arg-type]
-        for name, one in problem.supports.items()
+        name: words.get(type(support)) or encode(support, f"supports['{name}']")  # type: ignore[arg-type]
+        for name, support in problem.supports.items()
     }
 
 
@@ -117,15 +117,15 @@ def read_heat(table: TomlTable, problem: ContactProblem, reader: _Reader) -> Hea
             check_named(mesh, parts, boundary)
         return {name: _read_contact(parts.table(name, keys_of(HeatContact)), reader) for name in parts.data}
 
-    found = decode(Heat, table, mesh, contact=contact)
+    values = decode(Heat, table, mesh, contact=contact)
     with context(f"{table.source}: [heat]"):
-        heat = Heat(**found)
+        heat = Heat(**values)
         heat.conduction(problem)
     return heat
 
 
 def _read_contact(table: TomlTable, reader: _Reader) -> HeatContact:
-    found = decode(
+    values = decode(
         HeatContact,
         table,
         reader.dim,
@@ -133,7 +133,7 @@ def _read_contact(table: TomlTable, reader: _Reader) -> HeatContact:
         exchange=lambda given: reader.law(given, "exchange", NORMAL_LAWS),
     )
     with context(f"{table.source}: [{table.name}]"):
-        return HeatContact(**found)
+        return HeatContact(**values)
 
 
 def _conductance(table: TomlTable) -> float | ContactConductance:
@@ -153,7 +153,7 @@ def heat_record(heat: Heat, aside: SideFiles) -> dict[str, object]:
     """The table [heat]."""
 
     return encode(
-        heat, "heat", contact=lambda parts: {name: _contact_record(name, one, aside) for name, one in parts.items()}
+        heat, "heat", contact=lambda parts: {name: _contact_record(name, part, aside) for name, part in parts.items()}
     )
 
 

@@ -1,4 +1,4 @@
-"""Where the contact points of a discrete problem lie on its mesh."""
+"""Contact boundaries on the mesh: the facets, nodes and contact points of the trace of a discrete problem."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["ContactBoundary", "TouchedSide", "contact_boundaries", "polylines"]
@@ -31,14 +32,14 @@ class TouchedSide:
     def of(cls, side: str, field: Field, contact: ContactPoints, index: IntArray) -> TouchedSide:
         """The side of that name, touched by the contact points ``index``: where nodes press on it with which part."""
         assert contact.mean is not None
-        members = field.mesh.facet_nodes(field.mesh.boundaries[side], field.order)
+        members = boundary_rule(field.mesh, side, field.order).nodes
         nodes = np.unique(members)
         seen = abs(sp.csr_array(contact.mean[index])[:, nodes]).T @ sp.diags_array(contact.weights[index])
         total = np.asarray(seen.sum(axis=1)).ravel()
         met = np.flatnonzero(total > 0.0)
-        place = sp.csr_array((np.ones(len(index)), (np.arange(len(index)), index)), shape=(len(index), contact.count))
+        pick = sp.csr_array((np.ones(len(index)), (np.arange(len(index)), index)), shape=(len(index), contact.count))
         return cls(
-            side, members, nodes[met], sp.csr_array(sp.diags_array(1.0 / total[met]) @ sp.csr_array(seen)[met] @ place)
+            side, members, nodes[met], sp.csr_array(sp.diags_array(1.0 / total[met]) @ sp.csr_array(seen)[met] @ pick)
         )
 
     def at_nodes(self, values: Array, fill: float, whole: bool = False) -> Array:
@@ -92,15 +93,15 @@ class ContactBoundary:
             out[np.searchsorted(self.used_nodes, self.nodes)] = values[self.index]
             return out
         assert self.facets is not None
-        place = np.searchsorted(self.used_nodes, self.members[self.facets])
+        node_index = np.searchsorted(self.used_nodes, self.members[self.facets])
         if whole:
-            out[place] = values[self.index][:, None]
+            out[node_index] = values[self.index][:, None]
             return out
         total = np.zeros_like(out)
         count = np.zeros(len(out))
-        for k in range(place.shape[1]):
-            np.add.at(total, place[:, k], values[self.index])
-            np.add.at(count, place[:, k], 1.0)
+        for k in range(node_index.shape[1]):
+            np.add.at(total, node_index[:, k], values[self.index])
+            np.add.at(count, node_index[:, k], 1.0)
         seen = count > 0
         out[seen] = total[seen] / count[seen].reshape(-1, *(1,) * (values.ndim - 1))
         return out
@@ -142,17 +143,17 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
         raise ProblemError("this problem was made of arrays and has no mesh; give one, of_arrays(..., mesh=...)")
     if contact.points is None or (contact.boundary < 0).any():
         return []
-    found = []
+    boundaries = []
     for name in contact.names:
         index = contact.on(name)
         side, other = contact.pairs.get(name, (name, ""))
         if not index.size or side not in field.mesh.boundaries:
             continue
-        members = field.mesh.facet_nodes(field.mesh.boundaries[side], field.order)
+        members = boundary_rule(field.mesh, side, field.order).nodes
         nodes, facets = contact.node[index], contact.facet[index]
         at_nodes = bool((nodes >= 0).all())
         touched = TouchedSide.of(other, field, contact, index) if other else None
-        found.append(
+        boundaries.append(
             ContactBoundary(
                 name,
                 field.mesh,
@@ -164,7 +165,7 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
                 touched,
             )
         )
-    return sorted(found, key=lambda boundary: int(boundary.index[0]))
+    return sorted(boundaries, key=lambda boundary: int(boundary.index[0]))
 
 
 def polylines(edges: IntArray) -> list[IntArray]:

@@ -51,20 +51,20 @@ class Change:
         """The keys on the way."""
         key = _COLON.sub(lambda match: match[1] or f'"{match[2]}"', self.key)
         try:
-            found: object = tomllib.loads(f"{key} = 0") if "\n" not in key else {}
+            nested: object = tomllib.loads(f"{key} = 0") if "\n" not in key else {}
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
-            found = {}
-        way: list[str] = []
-        while isinstance(found, dict) and len(found) == 1:
-            (step,) = found
-            way.append(step)
-            found = found[step]
-        if not way or found != 0:
+            nested = {}
+        steps: list[str] = []
+        while isinstance(nested, dict) and len(nested) == 1:
+            (step,) = nested
+            steps.append(step)
+            nested = nested[step]
+        if not steps or nested != 0:
             raise ProblemError(
                 f"--set {printable(self.key)}: this is not a key; join the names of tables and key by dots, as in "
                 "contact.bottom.normal.q_max=0.5"
             )
-        return tuple(way)
+        return tuple(steps)
 
     def __str__(self) -> str:
         text = repr(self.value) if isinstance(self.value, float) else self.value
@@ -72,35 +72,20 @@ class Change:
 
 
 def read_change(text: str) -> Change:
-    """The change that ``key=value`` asks for, the value as TOML has it.
-
-    Parameters
-    ----------
-    text : str
-        ``key=value``.
-
-    Returns
-    -------
-    Change
-
-    Raises
-    ------
-    ProblemError
-        There is no ``=``, the key is none, or the value is not valid TOML.
-    """
+    """The change that ``key=value`` asks for, the value as TOML has it."""
     key, equals, written = text.partition("=")
     if not equals:
         raise ProblemError(f"--set {printable(text)}: write KEY=VALUE, as in contact.bottom.normal.q_max=0.5")
     try:
-        found = tomllib.loads(f"value = {written}")
+        read = tomllib.loads(f"value = {written}")
     except (tomllib.TOMLDecodeError, RecursionError, ValueError):
-        found = {}
-    if set(found) != {"value"} or "\n" in written.strip():
+        read = {}
+    if set(read) != {"value"} or "\n" in written.strip():
         advice = "write texts and formulas in quotes"
         if re.fullmatch(r"\s*[^\s\"'\[\]{}]+\s*", written):
             advice += f""": --set '{printable(key.strip())}="{printable(written.strip())}"'"""
         raise ProblemError(f"--set {printable(text)}: the value is not valid TOML; {advice}")
-    return Change(key.strip(), found["value"])
+    return Change(key.strip(), read["value"])
 
 
 def changed(data: Mapping[str, object], changes: Sequence[Change], name: str) -> dict[str, object]:
@@ -115,36 +100,36 @@ def changed(data: Mapping[str, object], changes: Sequence[Change], name: str) ->
 
 
 def _put(data: dict[str, object], change: Change, name: str) -> None:
-    *way, last = change.path
-    place: object = data
-    for depth, step in enumerate(way):
-        here = ".".join(way[:depth])
-        if isinstance(place, dict) and step not in place:
+    *steps, last = change.path
+    target: object = data
+    for depth, step in enumerate(steps):
+        here = ".".join(steps[:depth])
+        if isinstance(target, dict) and step not in target:
             if step not in _MADE or depth > 1:
-                raise _error(change, name, f"there is no table '{step}'{_inside(here)}{_known(step, place)}")
-            place[step] = {}
-        place = place[step] if isinstance(place, dict) else place[_number(place, step, change, name, here)]  # type: ignore[index]
-        if not isinstance(place, dict | list):
-            shown = ".".join(way[: depth + 1])
-            raise _error(change, name, f"{shown} is {kind(place)}, not a table; set {shown} to a table in braces")
-    if isinstance(place, list):
-        place[_number(place, last, change, name, ".".join(way))] = change.value
-    elif isinstance(place, dict):
-        if not way and last not in KEYS[""] and last not in KEYS_OF_ONE:
+                raise _error(change, name, f"there is no table '{step}'{_inside(here)}{_known(step, target)}")
+            target[step] = {}
+        target = target[step] if isinstance(target, dict) else target[_number(target, step, change, name, here)]  # type: ignore[index]
+        if not isinstance(target, dict | list):
+            shown = ".".join(steps[: depth + 1])
+            raise _error(change, name, f"{shown} is {kind(target)}, not a table; set {shown} to a table in braces")
+    if isinstance(target, list):
+        target[_number(target, last, change, name, ".".join(steps))] = change.value
+    elif isinstance(target, dict):
+        if not steps and last not in KEYS[""] and last not in KEYS_OF_ONE:
             raise _error(change, name, f"there is no key '{last}'{suggest(last, list(data))}")
-        place[last] = change.value
+        target[last] = change.value
 
 
-def _number(place: object, step: str, change: Change, name: str, here: str) -> int:
+def _number(entries: object, step: str, change: Change, name: str, here: str) -> int:
     """The place in a list that a key names."""
-    count = len(place) if isinstance(place, list) else 0
+    count = len(entries) if isinstance(entries, list) else 0
     if not re.fullmatch(r"[0-9]{1,6}", step) or int(step) >= count:
         raise _error(change, name, f"{here} is a list of {count}; name an entry by a number from 0 to {count - 1}")
     return int(step)
 
 
-def _known(step: str, place: Mapping[str, object]) -> str:
-    tables = [key for key, value in place.items() if isinstance(value, dict | list)]
+def _known(step: str, table: Mapping[str, object]) -> str:
+    tables = [key for key, value in table.items() if isinstance(value, dict | list)]
     return suggest(step, tables, "there are")
 
 

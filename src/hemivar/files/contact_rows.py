@@ -18,14 +18,6 @@ def contact_columns(solution: Solution) -> dict[str, list[float | str]]:
 
     ``boundary, x, y, (z,) normal_x, ..., weight, gap, penetration, slip, pressure, friction, state``; in 3D slip and
     friction have two columns each, ``slip_1, slip_2``. Columns that the problem does not know are left out.
-
-    Parameters
-    ----------
-    solution : Solution
-
-    Returns
-    -------
-    dict of name to list
     """
     columns = table_columns(solution.contact_table)
     return {name: values.tolist() for name, values in columns.items() if not name.startswith("force")}

@@ -65,12 +65,12 @@ def read_contacts(
 ) -> dict[str, Contact]:
     """Contacts by boundary and by region; tables of laws are looked for in a folder, laws of the user's in code."""
     reader, table = _Reader(mesh.dim, folder, code), top.table("contact", None)
-    found: dict[str, Contact] = {}
+    contacts: dict[str, Contact] = {}
     for name in table.data:
         check_named(mesh, table, name)
         read = reader.of_one if of_one else reader.contact
-        found[name] = read(table.table(name, _OF_ONE if of_one else KEYS["contact.*"]))
-    return found | _read_areas(top, mesh, reader.of_one if of_one else reader.over, _OF_ONE if of_one else _OVER)
+        contacts[name] = read(table.table(name, _OF_ONE if of_one else KEYS["contact.*"]))
+    return contacts | _read_areas(top, mesh, reader.of_one if of_one else reader.over, _OF_ONE if of_one else _OVER)
 
 
 def _read_areas(
@@ -98,25 +98,25 @@ class _Reader:
         self.folder = folder
         self.code = code
 
-    def contact(self, one: TomlTable) -> Contact:
-        if "normal" not in one:
-            raise one.error("normal", f"is missing; name a normal law ({', '.join(NORMAL_LAWS)})")
-        normal, friction = self.law(one, "normal", _LAWS), self.law(one, "friction", FRICTION_LAWS)
+    def contact(self, table: TomlTable) -> Contact:
+        if "normal" not in table:
+            raise table.error("normal", f"is missing; name a normal law ({', '.join(NORMAL_LAWS)})")
+        normal, friction = self.law(table, "normal", _LAWS), self.law(table, "friction", FRICTION_LAWS)
         assert isinstance(normal, Superpotential | VectorLaw)
         assert isinstance(friction, Friction)
-        moved = decode(Contact, one, self.dim)
-        obstacle = self.obstacle(one) if "obstacle" in one else None
+        moved = decode(Contact, table, self.dim)
+        obstacle = self.obstacle(table) if "obstacle" in table else None
         normals = None
-        if obstacle is None and "normals" in one:
-            raise one.error("normals", "says whose normals contact with an obstacle has; add obstacle or remove it")
+        if obstacle is None and "normals" in table:
+            raise table.error("normals", "says whose normals contact with an obstacle has; add obstacle or remove it")
         if obstacle is not None:
-            if "gap" in one:
-                raise one.error("gap", "follows from the obstacle; give one of the two")
-            normals = Normals(one.text("normals", Normals.OBSTACLE, [way.value for way in Normals]))
-        damping = self.law(one, "damping", NORMAL_LAWS) if "damping" in one else None
+            if "gap" in table:
+                raise table.error("gap", "follows from the obstacle; give one of the two")
+            normals = Normals(table.text("normals", Normals.OBSTACLE, [choice.value for choice in Normals]))
+        damping = self.law(table, "damping", NORMAL_LAWS) if "damping" in table else None
         assert damping is None or isinstance(damping, Superpotential)
-        memory = _read_memory(one, self.dim, self.code)
-        with context(f"{one.where('normal')}:"):
+        memory = _read_memory(table, self.dim, self.code)
+        with context(f"{table.where('normal')}:"):
             return Contact(
                 normal, friction, obstacle=obstacle, normals=normals, damping=damping, memory=memory, **moved
             )
@@ -135,9 +135,9 @@ class _Reader:
             raise table.error("normal, friction", f"{given}; name one law, of the penetration or of the slip")
         key = "normal" if "normal" in table else "friction"
         law = self.law(table, key, NORMAL_LAWS if key == "normal" else FRICTION_LAWS)
-        place = decode(Contact, table, self.dim, by=OF_ONE)
+        stated = decode(Contact, table, self.dim, by=OF_ONE)
         with context(f"{table.where(key)}:"):
-            made = ScalarContact(law, place.get("gap", 0.0), place.get("side", Side.ABOVE))  # type: ignore[arg-type]
+            made = ScalarContact(law, stated.get("gap", 0.0), stated.get("side", Side.ABOVE))  # type: ignore[arg-type]
         return made
 
     def obstacle(self, table: TomlTable) -> Obstacle:
@@ -155,12 +155,12 @@ class _Reader:
         if shape == "cylinder" and self.dim == 2:
             raise given.error(shape, "in the plane it is a circle; write sphere = { center = ..., radius = ... }")
         kind_of = _OBSTACLES[shape]
-        one = given.table(shape, keys_of(kind_of), inline=True)
-        missing = [key for key in keys_of(kind_of) if key not in one and key != "inside"]
+        shape_table = given.table(shape, keys_of(kind_of), inline=True)
+        missing = [key for key in keys_of(kind_of) if key not in shape_table and key != "inside"]
         if missing:
-            raise one.error(missing[0], f"is missing; write {shape} = {{ {' = ..., '.join(missing)} = ... }}")
+            raise shape_table.error(missing[0], f"is missing; write {shape} = {{ {' = ..., '.join(missing)} = ... }}")
         with context(f"{given.where(shape)}:"):
-            return kind_of(**decode(kind_of, one, self.dim))
+            return kind_of(**decode(kind_of, shape_table, self.dim))
 
     def law(self, table: TomlTable, key: str, laws: Mapping[str, LawEntry]) -> Superpotential | Friction | VectorLaw:
         value = table.data.get(key, "none")
@@ -199,14 +199,14 @@ class _Reader:
             raise given.error("law", f"'{name}' is not a {kind_of} law{suggest(name, list(laws))}")
         return entry
 
-    def file(self, given: TomlTable, one: Argument) -> Path:
-        return self.folder / given.text(one.key)  # an absolute path stays
+    def file(self, given: TomlTable, argument: Argument) -> Path:
+        return self.folder / given.text(argument.key)  # an absolute path stays
 
-    def bound(self, given: TomlTable, one: Argument) -> Parameter | StateBound:
+    def bound(self, given: TomlTable, argument: Argument) -> Parameter | StateBound:
         """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
-        name, value = one.key, given.data[one.key]
+        name, value = argument.key, given.data[argument.key]
         if not isinstance(value, dict):
-            return given.quantity(name, value, self.dim, one.said.lowest, timed=True)
+            return given.quantity(name, value, self.dim, argument.said.lowest, timed=True)
         ways = ("table", "formula", "coulomb")
         inner = given.table(name, ways, inline=True)
         if len(inner.data) != 1:
@@ -247,7 +247,7 @@ class SideFiles:
 def contact_records(problem: ContactProblem, aside: SideFiles) -> dict[str, object]:
     """The tables [contact] and [area] of a problem."""
     record = _record_of_one if problem.kind else _contact_record
-    records = {name: record(name, one, aside) for name, one in problem.contact.items()}
+    records = {name: record(name, contact, aside) for name, contact in problem.contact.items()}
     area = {name: records.pop(name) for name in problem.areas}
     return {"contact": records, "area": area.get(AREA, area)}
 
@@ -304,18 +304,22 @@ def _law_record(
     stated = None if type(law) is Friction else getattr(law, "stated", None)
     entry = entry_of(type(law), next(iter(laws.values())).kind)
     if entry is not None:
-        stated = {one.key: getattr(law, one.name, None) for one in entry.parameters if one.key not in FRICTION}
+        stated = {
+            argument.key: getattr(law, argument.name, None)
+            for argument in entry.parameters
+            if argument.key not in FRICTION
+        }
     elif stated is None or stated["law"] not in laws or of_user(type(law)):
         own = "the laws that 'hemivar laws' lists, tables (table_law) and potentials as text (FormulaLaw)"
         raise not_expressible(where, law, f"{own}, and classes of a module")
     else:
         entry = laws[str(stated["law"])]
     record: dict[str, object] = {"law": entry.name}
-    for one in entry.parameters:
-        value = bound if one.said.form is Form.OWN else stated.get(one.key)
-        if one.said.form is Form.FILE:
+    for argument in entry.parameters:
+        value = bound if argument.said.form is Form.OWN else stated.get(argument.key)
+        if argument.said.form is Form.FILE:
             side = where.rpartition(".")[2]
-            record[one.key] = (
+            record[argument.key] = (
                 file_name(value, aside.folder)
                 if isinstance(value, Path)
                 else aside.table(where, f"{name}-{side}", stated["rows"], (LAW_COLUMNS[0][0], LAW_COLUMNS[1][0]))  # type: ignore[arg-type]
@@ -323,9 +327,9 @@ def _law_record(
         elif value is None or (isinstance(value, tuple | list) and not value):
             continue
         else:
-            record[one.key] = written(value, one.said.form, f"{where}.{one.key}")
-        if one.default is not None and record.get(one.key) == one.default:
-            del record[one.key]
+            record[argument.key] = written(value, argument.said.form, f"{where}.{argument.key}")
+        if argument.default is not None and record.get(argument.key) == argument.default:
+            del record[argument.key]
     return record if len(record) > 1 else entry.name
 
 
@@ -335,7 +339,7 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
     match friction.bound:
         case CoulombBound(coefficient=coefficient) if law is NoFriction().profile:
             record: object = {"law": "coulomb", "coefficient": quantity_record(coefficient, f"{where}.coefficient")}
-            return _told_of(record, friction)
+            return _with_measure(record, friction)
         case CoulombBound(coefficient=coefficient):
             bound = {"coulomb": quantity_record(coefficient, f"{where}.coefficient")}
         case PenetrationBound(source=ScalarFormula(text=text)):
@@ -354,10 +358,10 @@ def _friction_record(friction: Friction, where: str, name: str, aside: SideFiles
             raise not_expressible(f"{where}.bound", other, "numbers, formulas, and bounds by penetration or pressure")
         case plain:
             bound = quantity_record(plain, f"{where}.bound")
-    return _told_of(_law_record(law, where, name, aside, FRICTION_LAWS, bound), friction)
+    return _with_measure(_law_record(law, where, name, aside, FRICTION_LAWS, bound), friction)
 
 
-def _told_of(record: object, friction: Friction) -> object:
+def _with_measure(record: object, friction: Friction) -> object:
     """The record of friction, with what it is a law of in time where that was said."""
     whole = record if isinstance(record, dict) else {"law": record}
     return record if friction.of is None else whole | {"of": str(friction.of)}
@@ -380,8 +384,8 @@ def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:
 def memory_kinds() -> Mapping[str, Any]:
     """The memories that a problem file can state, by name: those whose fields are all parameters."""
     named: list[Any] = [getattr(memory, name) for name in memory.__all__]
-    kinds = [one for one in named if inspect.isclass(one) and issubclass(one, memory.Memory) and is_dataclass(one)]
-    return {one.name: one for one in kinds if all("stated" in field.metadata for field in fields(one))}
+    kinds = [cls for cls in named if inspect.isclass(cls) and issubclass(cls, memory.Memory) and is_dataclass(cls)]
+    return {cls.name: cls for cls in kinds if all("stated" in field.metadata for field in fields(cls))}
 
 
 def _memory_named(name: str, kinds: Mapping[str, type[memory.Memory]]) -> LawEntry:
@@ -410,10 +414,10 @@ def _read_memory(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[memor
     if not isinstance(value, list):
         raise table.error("memory", f"must be a list such as {example}, not {kind(value)}")
     made = []
-    for number, one in enumerate(value):
-        if not isinstance(one, dict):
-            raise table.error("memory", f"must be a list of tables such as {example}; it holds {kind(one)}")
-        given = TomlTable(one, table.source, table.name, None, f"{table.prefix}memory[{number}].")
+    for number, item in enumerate(value):
+        if not isinstance(item, dict):
+            raise table.error("memory", f"must be a list of tables such as {example}; it holds {kind(item)}")
+        given = TomlTable(item, table.source, table.name, None, f"{table.prefix}memory[{number}].")
         if "kind" not in given:
             raise given.error("kind", f"is missing; add kind = one of {listed(list(kinds))}")
         entry = _memory_entry(given, given.text("kind"), kinds, code)

@@ -38,46 +38,18 @@ class FilmFrame:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """A mesh and its frames.
+    """A mesh and its frames."""
 
-    Attributes
-    ----------
-    points : array (N, d)
-        Vertices.
-    cells : int array (M, d + 1)
-        Of vertices.
-    times : array (k,)
-    title : str
-    frame : function
-        Of the number of a frame, 0 to k - 1; reads it where it lies in a file.
-    paired : bool array (p,), optional
-        Contact points that touch another body and no foundation; none by default.
-    """
-
-    points: Array
-    cells: IntArray
-    times: Array
+    points: Array  # (N, d): vertices
+    cells: IntArray  # (M, d + 1): of vertices
+    times: Array  # (k,)
     title: str
-    frame: Callable[[int], FilmFrame]
-    paired: BoolArray | None = None
+    frame: Callable[[int], FilmFrame]  # of the number of a frame, 0 to k - 1; reads it where it lies in a file
+    paired: BoolArray | None = None  # (p,): contact points that touch another body and no foundation; none by default
 
 
 def film_of(history: History) -> Film:
-    """The frames of a history.
-
-    Parameters
-    ----------
-    history : History
-
-    Returns
-    -------
-    Film
-
-    Raises
-    ------
-    ProblemError
-        Nothing was saved, or it is a scalar problem.
-    """
+    """The frames of a history."""
     if not history.frames:
         raise ProblemError("no frames were saved; march(..., save=Save(every=...)) saves them")
     discrete = history.discrete
@@ -96,7 +68,7 @@ def film_of(history: History) -> Film:
         gap = seen.problem.gap + _worn(seen.memory)
         return FilmFrame(seen.time, seen.displacement, seen.velocity, points, moved, force, seen.states, gap)
 
-    times = np.array([one.time for one in history.frames])
+    times = np.array([frame.time for frame in history.frames])
     paired = np.isin(contact.boundary, [contact.names.index(name) for name in contact.pairs])
     return Film(mesh.points, mesh.cells, times, discrete.evolution.problem.title, frame, paired)
 
@@ -107,22 +79,7 @@ def _worn(memory: Mapping[str, Array]) -> Array | float:
 
 
 def read_film(path: str | Path) -> Film:
-    """The frames that a PVD file names, as ``hemivar march FILE --fields run.pvd`` writes them.
-
-    Parameters
-    ----------
-    path : str or Path
-        Name of the PVD file.
-
-    Returns
-    -------
-    Film
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, is no such list, or names a file that is missing or of another kind.
-    """
+    """The frames that a PVD file names, as ``hemivar march FILE --fields run.pvd`` writes them."""
     path = path_of(path)
     name = shown(path)
     try:

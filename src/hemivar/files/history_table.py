@@ -52,11 +52,11 @@ _WHOLE = ("solver_steps", "jumped", "fallbacks")
 def history_columns(history: History) -> dict[str, Array]:
     """The table by columns, each (rows,): floats, whole numbers for ``solver_steps``, ``fallbacks``
     and ``jumped`` (0 or 1)."""
-    found: dict[str, Array] = {}
+    columns: dict[str, Array] = {}
     for name in history.columns:
         values = history[name]
-        found[name] = np.asarray(values.astype(np.int64) if name in _WHOLE else values)
-    return found
+        columns[name] = np.asarray(values.astype(np.int64) if name in _WHOLE else values)
+    return columns
 
 
 def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
@@ -64,23 +64,6 @@ def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
 
     ``.pvd`` the frames for ParaView, with a folder of VTU files; ``.csv`` and ``.parquet`` the table;
     ``.json`` the record of :func:`history_record`.
-
-    Parameters
-    ----------
-    history : History
-    path : str or Path
-
-    Returns
-    -------
-    tuple of Path
-        The files to open.
-
-    Raises
-    ------
-    ProblemError
-        Another suffix, or a package that the format needs is not installed.
-    FileError
-        A file cannot be written.
     """
     suffix = path_of(path).suffix.lower()
     if suffix == ".pvd":
@@ -138,24 +121,7 @@ def _arrow() -> tuple[ModuleType, ModuleType]:
 
 
 def read_history_table(path: str | Path) -> dict[str, Array]:
-    """A table that :func:`write_history_table` wrote, by columns, without the units of their headings.
-
-    Parameters
-    ----------
-    path : str or Path
-        Name of the file.
-
-    Returns
-    -------
-    dict of name to array
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, or is no such table.
-    ProblemError
-        pyarrow is not installed.
-    """
+    """A table that :func:`write_history_table` wrote, by columns, without the units of their headings."""
     path = path_of(path)
     name = shown(path)
     if path.suffix.lower() == ".parquet":
@@ -179,9 +145,9 @@ def _from_parquet(path: Path) -> dict[str, Array]:
     most = max(least, ratio * regular_file(path, "table of a history", 1 << 62).stat().st_size)
     try:
         with parquet.ParquetFile(path) as file:
-            told = file.metadata
-            groups = [told.row_group(k) for k in range(told.num_row_groups)]
-            numbers = 8 * told.num_columns * max(told.num_rows, sum(abs(group.num_rows) for group in groups))
+            head = file.metadata
+            groups = [head.row_group(k) for k in range(head.num_row_groups)]
+            numbers = 8 * head.num_columns * max(head.num_rows, sum(abs(group.num_rows) for group in groups))
             if max(numbers, sum(abs(group.total_byte_size) for group in groups)) > most:
                 raise FileError(f"{name}: the table would take more than {size_in_words(most)}; write it as .csv")
             table = file.read()
@@ -211,44 +177,17 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
 
 def _without_unit(head: str) -> str:
     """The name of a column, whose heading may have a unit: ``work (mJ)``."""
-    name, found, _ = head.rpartition(" (")
-    return name if found and head.endswith(")") and quantity_of(name) else head
+    name, bracket, _ = head.rpartition(" (")
+    return name if bracket and head.endswith(")") and quantity_of(name) else head
 
 
 def history_frame(history: History) -> DataFrame:
-    """The table as a pandas DataFrame.
-
-    Parameters
-    ----------
-    history : History
-
-    Returns
-    -------
-    DataFrame
-
-    Raises
-    ------
-    ProblemError
-        pandas is not installed.
-    """
+    """The table as a pandas DataFrame."""
     return data_frame(history_columns(history), "history.table, which needs numpy only")
 
 
 def write_history_json(history: History, path: str | Path, units: Mapping[str, str] | None = None) -> Path:
-    """Write :func:`history_record` to a file that ends in ``.json``; returns its path.
-
-    Parameters
-    ----------
-    history : History
-    path : str or Path
-        Name of the file.
-    units : mapping, optional
-        Units by quantity, which go into the record as ``units``.
-
-    Returns
-    -------
-    Path
-    """
+    """Write :func:`history_record` to a file that ends in ``.json``; returns its path."""
     path = prepared(path, ".json")
     record = {**history_record(history), "units": dict(units)} if units else history_record(history)
     write_text(path, json.dumps(record, allow_nan=False) + "\n")

@@ -74,27 +74,27 @@ def _material(table: TomlTable, mesh: Mesh, code: Sequence[str]) -> Material:
 
 def _gradient(table: TomlTable, mesh: Mesh, of: ScalarKind) -> Material:
     """The material of one component, each of its fields over the whole mesh or in every region of it."""
-    stated = stated_fields(GradientMaterial, by=of.value)
-    table.only(("regions", *stated))
-    regions, found = table.table("regions", None), dict[str, object]()
+    schema = stated_fields(GradientMaterial, by=of.value)
+    table.only(("regions", *schema))
+    regions, values = table.table("regions", None), dict[str, object]()
     for region in regions.data:
         check_named(mesh, regions, region, "region")
-    parts = {region: regions.table(region, tuple(stated)) for region in regions.data}
-    for key, (field, said) in stated.items():
-        inside = [region for region, one in parts.items() if key in one]
+    parts = {region: regions.table(region, tuple(schema)) for region in regions.data}
+    for key, (field, stated) in schema.items():
+        inside = [region for region, part in parts.items() if key in part]
         if key in table and inside:
             raise table.error(key, f"is given for the whole and in region '{inside[0]}'; give one of the two")
         if key in table:
-            found[field.name] = read_value(table, key, said, mesh.dim)
+            values[field.name] = read_value(table, key, stated, mesh.dim)
         elif inside:
-            for one in parts.values():
-                if key not in one:
-                    raise one.error(key, "is missing; give it in every [material.regions.NAME], or in none")
-            found[field.name] = {region: read_value(one, key, said, mesh.dim) for region, one in parts.items()}
-    if "coefficient" not in found:
-        raise table.error(f"{next(iter(stated))}, regions", "none is given; give one of the two")
+            for part in parts.values():
+                if key not in part:
+                    raise part.error(key, "is missing; give it in every [material.regions.NAME], or in none")
+            values[field.name] = {region: read_value(part, key, stated, mesh.dim) for region, part in parts.items()}
+    if "coefficient" not in values:
+        raise table.error(f"{next(iter(schema))}, regions", "none is given; give one of the two")
     with context(f"{table.source}: [material]"):
-        return Material.gradient(kind=of, **found)  # type: ignore[arg-type]
+        return Material.gradient(kind=of, **values)  # type: ignore[arg-type]
 
 
 def _one_material(table: TomlTable, dim: int, code: Sequence[str]) -> Material:
@@ -110,25 +110,25 @@ def _one_material(table: TomlTable, dim: int, code: Sequence[str]) -> Material:
 
 def _by_constants(table: TomlTable, dim: int) -> tuple[str, Callable[..., object], dict[str, object]]:
     """Of a linear material: to what its messages belong, what makes it, and from what."""
-    way = _way(table, "lame, or young and poisson, or tensor, or a law")
+    constants = _elastic_constants(table, "lame, or young and poisson, or tensor, or a law")
     for key in table.data:
         if key not in LINEAR_KEYS:
             owners = [name for name, entry in MATERIAL_LAWS.items() if key in {p.key for p in entry.parameters}]
             raise table.error(key, f"belongs to law = {listed(owners)}; add the law, or remove it")
     owner = {"poisson": ("young",), "out_of_plane": ("tensor",), "plane": ("lame", "young")}
     for key, allowed in owner.items():
-        if key in table and way not in allowed:
-            raise table.error(key, f"goes with {' or '.join(allowed)}, not with {way}; remove it")
-    if way == "young" and "poisson" not in table:
+        if key in table and constants not in allowed:
+            raise table.error(key, f"goes with {' or '.join(allowed)}, not with {constants}; remove it")
+    if constants == "young" and "poisson" not in table:
         raise table.error("poisson", "is missing; give it along with young")
     _refuse_plane(table, dim)
-    given = decode(_LINEAR[way], table, dim, out_of_plane=_out_of_plane)
-    if way == "lame":
+    given = decode(_LINEAR[constants], table, dim, out_of_plane=_out_of_plane)
+    if constants == "lame":
         pair = cast(tuple[float, float], read_value(table, "lame", Stated(Form.PAIR), dim))
         if not callable(pair[1]) and not pair[1] > 0:
             raise table.error("lame", f"mu is {pair[1]:g}; it must be positive")
         given |= dict(zip(("lam", "mu"), pair, strict=True))
-    return "young, poisson" if way == "young" else way, _LINEAR[way], given
+    return "young, poisson" if constants == "young" else constants, _LINEAR[constants], given
 
 
 def _out_of_plane(table: TomlTable) -> tuple[float, ...]:
@@ -150,13 +150,13 @@ def _by_law(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[str, Calla
     return "law", entry.build, read_arguments(entry, table, dim)
 
 
-def _way(table: TomlTable, how: str) -> str:
+def _elastic_constants(table: TomlTable, how: str) -> str:
     """By which constants a table states an elasticity."""
-    ways = [way for way in _LINEAR if way in table]
-    if len(ways) != 1:
-        found = f"{' and '.join(ways)} are given" if ways else "no elastic constants are given"
-        raise table.error("lame, young, tensor", f"{found}; give {how}")
-    return ways[0]
+    names = [name for name in _LINEAR if name in table]
+    if len(names) != 1:
+        problem = f"{' and '.join(names)} are given" if names else "no elastic constants are given"
+        raise table.error("lame, young, tensor", f"{problem}; give {how}")
+    return names[0]
 
 
 def _refuse_plane(table: TomlTable, dim: int) -> None:
@@ -178,18 +178,18 @@ def _viscosity(dim: int, table: TomlTable) -> Moduli:
 def _branches(dim: int, table: TomlTable) -> list[Branch]:
     value = table.data["branches"]
     example = "branches = [{ lame = [2.0, 2.0], time = 0.5 }]"
-    if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
+    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
         raise table.error("branches", f"must be a list of tables, such as {example}")
-    return [_branch(table, number, one, dim) for number, one in enumerate(value)]
+    return [_branch(table, number, item, dim) for number, item in enumerate(value)]
 
 
 def _branch(table: TomlTable, number: int, value: Mapping[str, object], dim: int) -> Branch:
-    one = TomlTable(value, table.source, table.name, keys_of(Branch), f"{table.prefix}branches[{number}].")
-    way = _way(one, "lame, or young and poisson, or tensor")
-    if "time" in one and ("poisson" in one) != (way == "young"):
-        raise one.error("poisson", "goes with young, and young with poisson; give both or none")
-    given = decode(Branch, one, dim)
-    with context(f"{one.where(way)}:"):
+    branch = TomlTable(value, table.source, table.name, keys_of(Branch), f"{table.prefix}branches[{number}].")
+    constants = _elastic_constants(branch, "lame, or young and poisson, or tensor")
+    if "time" in branch and ("poisson" in branch) != (constants == "young"):
+        raise branch.error("poisson", "goes with young, and young with poisson; give both or none")
+    given = decode(Branch, branch, dim)
+    with context(f"{branch.where(constants)}:"):
         return Branch(**given)
 
 
@@ -219,13 +219,13 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
 def _gradient_record(material: GradientMaterial) -> dict[str, object]:
     record: dict[str, object] = {}
     regions: dict[str, dict[str, object]] = {}
-    for key, (field, said) in stated_fields(material, by=material.scalar.value).items():
+    for key, (field, stated) in stated_fields(material, by=material.scalar.value).items():
         value = getattr(material, field.name)
         if isinstance(value, Mapping):
-            for region, one in value.items():
-                regions.setdefault(region, {})[key] = written(one, said.form, f"{key} of '{region}'")
+            for region, part in value.items():
+                regions.setdefault(region, {})[key] = written(part, stated.form, f"{key} of '{region}'")
         elif value is not None:
-            record[key] = written(value, said.form, key)
+            record[key] = written(value, stated.form, key)
     return record | ({"regions": regions} if regions else {})
 
 

@@ -122,16 +122,16 @@ def _openings(table: TomlTable) -> tuple[Opening, ...]:
     value, how = table.data["opened"], 'write ["glue"], or [{ name = "glue", between = ["steel", "rubber"] }]'
     if not isinstance(value, list):
         raise table.error("opened", f"must be a list of names, not {kind(value)}; {how}")
-    found = []
+    openings = []
     for entry in value:
         if isinstance(entry, str):
-            found.append(Opening(entry))
+            openings.append(Opening(entry))
             continue
         names = entry.get("between") if isinstance(entry, dict) and entry.keys() == {"name", "between"} else None
         if not isinstance(names, list) or len(names) != 2 or not all(isinstance(one, str) for one in names):
             raise table.error("opened", f"{quoted(entry)} names no curve or surface inside the body; {how}")
-        found.append(Opening(str(entry["name"]), (names[0], names[1])))
-    return tuple(found)
+        openings.append(Opening(str(entry["name"]), (names[0], names[1])))
+    return tuple(openings)
 
 
 def _of_mesh(recipe: MeshRecipe) -> str:

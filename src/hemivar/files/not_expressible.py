@@ -1,4 +1,4 @@
-"""What a problem file cannot express, in one sentence; and where two statements differ."""
+"""The round trip through a problem file: what it cannot express, in one sentence; where two statements differ."""
 
 from __future__ import annotations
 
@@ -29,53 +29,53 @@ def not_expressible(
     return ProblemError(f"{where} is {what}, which a problem file cannot express; it can express {can}")
 
 
-def difference(given: object, found: object, where: str = "") -> str | None:
+def difference(given: object, read: object, where: str = "") -> str | None:
     """Where two statements, or parts of them, differ; None if they say the same.
 
     Numbers are compared to the last digit. The order of the facets' nodes, of the cells of a region, and where
     formulas stood are no part of a statement.
     """
-    if given is found:
+    if given is read:
         return None
-    if isinstance(given, Mesh) and isinstance(found, Mesh):
-        return where if _mesh(given) != _mesh(found) else None
-    if isinstance(given, Formula) and isinstance(found, Formula):
-        looser = given.minimum is not None and (found.minimum is None or found.minimum < given.minimum)
-        return where if given.text != found.text or looser else None
-    if isinstance(given, ScalarFormula) and isinstance(found, ScalarFormula):
-        return None if (given.text, given.variable) == (found.text, found.variable) else where
+    if isinstance(given, Mesh) and isinstance(read, Mesh):
+        return where if _mesh(given) != _mesh(read) else None
+    if isinstance(given, Formula) and isinstance(read, Formula):
+        looser = given.minimum is not None and (read.minimum is None or read.minimum < given.minimum)
+        return where if given.text != read.text or looser else None
+    if isinstance(given, ScalarFormula) and isinstance(read, ScalarFormula):
+        return None if (given.text, given.variable) == (read.text, read.variable) else where
     if is_dataclass(given) and not isinstance(given, type):
-        if type(given) is not type(found):
+        if type(given) is not type(read):
             return where
         parts = [f.name for f in fields(given) if f.init and f.compare and f.name != "where"]
-        pairs = [(getattr(given, part), getattr(found, part), f"{where}.{part}".lstrip(".")) for part in parts]
-    elif isinstance(given, Mapping) and isinstance(found, Mapping):
-        if set(given) != set(found):
+        pairs = [(getattr(given, part), getattr(read, part), f"{where}.{part}".lstrip(".")) for part in parts]
+    elif isinstance(given, Mapping) and isinstance(read, Mapping):
+        if set(given) != set(read):
             return where
-        pairs = [(value, found[key], f"{where}['{key}']") for key, value in given.items()]
+        pairs = [(value, read[key], f"{where}['{key}']") for key, value in given.items()]
     elif isinstance(given, tuple | list) and any(isinstance(entry, Formula) or _is_part(entry) for entry in given):
-        if not isinstance(found, tuple | list) or len(found) != len(given):
+        if not isinstance(read, tuple | list) or len(read) != len(given):
             return where
-        pairs = [(one, other, f"{where}[{k}]") for k, (one, other) in enumerate(zip(given, found, strict=True))]
-    elif callable(given) or callable(found) or given is None or found is None or isinstance(given, str):
-        return None if given == found else where
+        pairs = [(first, second, f"{where}[{k}]") for k, (first, second) in enumerate(zip(given, read, strict=True))]
+    elif callable(given) or callable(read) or given is None or read is None or isinstance(given, str):
+        return None if given == read else where
     else:
-        return None if _numbers(given, found) else where
-    return next((place for one, other, path in pairs if (place := difference(one, other, path))), None)
+        return None if _numbers(given, read) else where
+    return next((differs for first, second, path in pairs if (differs := difference(first, second, path))), None)
 
 
 def _is_part(entry: object) -> bool:
     return is_dataclass(entry) and not isinstance(entry, type)
 
 
-def _numbers(given: object, found: object) -> bool:
+def _numbers(given: object, read_back: object) -> bool:
     """Whether numbers or arrays are the same, a number and an array of one entry taken for the same."""
     try:
-        one, other = (np.squeeze(np.asarray(value, dtype=object)) for value in (given, found))
+        first, second = (np.squeeze(np.asarray(value, dtype=object)) for value in (given, read_back))
     except ValueError:
-        one, other = (np.asarray(value, dtype=object) for value in (given, found))
-    none = {one.ndim, other.ndim} == {0, 1} and not np.any(one) and not np.any(other)  # 0 means no vector
-    return none or (one.shape == other.shape and bool(np.all(one == other)))
+        first, second = (np.asarray(value, dtype=object) for value in (given, read_back))
+    none = {first.ndim, second.ndim} == {0, 1} and not np.any(first) and not np.any(second)  # 0 means no vector
+    return none or (first.shape == second.shape and bool(np.all(first == second)))
 
 
 def _mesh(mesh: Mesh) -> tuple[object, ...]:

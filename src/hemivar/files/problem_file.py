@@ -61,9 +61,9 @@ __all__ = [
     "write_problem",
 ]
 
-#: Bytes of a problem file.
+#: Bytes of a problem file that are read; larger data belong in mesh files and tables.
 _MOST_BYTES = 16 * 2**20
-#: Tables and lists in one another that are read.
+#: Tables and lists in one another that are read: those of a problem are fewer than ten, Python bears about a thousand.
 _DEEPEST = 50
 
 
@@ -197,9 +197,9 @@ def parse_problem(
     return parse_problem_file(text, base_dir, name, code=code).problem
 
 
-def _colon_in_quotes(text: str, told: str) -> str:
+def _colon_in_quotes(text: str, reason: str) -> str:
     """What to write where the key in the line of a TOML error has a colon outside of quotes; else nothing."""
-    line = re.search(r"at line (\d+)", told)
+    line = re.search(r"at line (\d+)", reason)
     if line is None:
         return ""
     key = text.splitlines()[int(line[1]) - 1].partition("=")[0]
@@ -211,13 +211,13 @@ def parse_problem_file(
     text: str,
     base_dir: str | Path = ".",
     name: str = "problem",
-    place: Callable[[StatedMesh], Mesh] | None = None,
+    make_mesh: Callable[[StatedMesh], Mesh] | None = None,
     changes: Sequence[Change] = (),
     code: Sequence[str] = (),
 ) -> ProblemFile:
     """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
 
-    ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
+    ``make_mesh`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
     ``changes`` replace what the file says, before anything of it is read. ``code`` is as for :func:`read_problem`.
     """
     checked_code(code)
@@ -241,7 +241,7 @@ def parse_problem_file(
     units = _units(top.table("units", KEYS["units"]))
     folder, table = Path(base_dir), _mesh_table(top)
     stated = read_mesh_table(table, folder)
-    mesh = stated.build() if place is None else place(stated)
+    mesh = stated.build() if make_mesh is None else make_mesh(stated)
     levels = stated.recipe.halvings + stated.recipe.refine
     field = _field(top, table, stated, mesh) if of_one else None
     material = read_material(top.table("material", None), mesh, field, code)
@@ -303,14 +303,14 @@ def _inside(value: object) -> Iterable[object]:
 
 def _units(table: TomlTable) -> Units:
     """Units for labels, one checked by one so that the message names its key."""
-    found = Units()
+    units = Units()
     for key in table.data:
         text = table.text(key)
         try:
-            found = replace(found, **{key: text})
+            units = replace(units, **{key: text})
         except ProblemError:
             raise table.error(key, "is no unit; give a short text, such as 'mm', without '$'") from None
-    return found
+    return units
 
 
 # ---- writing ----------------------------------------------------------------------------------------------
@@ -397,17 +397,17 @@ def _as_file(problem: ContactProblem | ManufacturedProblem | ProblemFile) -> Pro
 def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, name: str, files: _Beside | None) -> str:
     """The text, from which the same problem comes back."""
     text = _text(stated, settings, folder, files)
-    found = parse_problem_file(text, folder, name, code=loaded_code())
-    place = (
-        difference(stated.problem, found.problem)
-        or difference(settings, found.solver, "solver")
-        or difference(stated.time, found.time, "time")
-        or difference(stated.output, found.output, "output")
-        or difference(stated.heat, found.heat, "heat")
+    again = parse_problem_file(text, folder, name, code=loaded_code())
+    differs = (
+        difference(stated.problem, again.problem)
+        or difference(settings, again.solver, "solver")
+        or difference(stated.time, again.time, "time")
+        or difference(stated.output, again.output, "output")
+        or difference(stated.heat, again.heat, "heat")
     )
-    if place is not None:
+    if differs is not None:
         raise ProblemError(
-            f"{place} would be read back differently from a problem file, which cannot express it; state it by "
+            f"{differs} would be read back differently from a problem file, which cannot express it; state it by "
             f"numbers, "
             f"formulas as text, and the laws that 'hemivar laws' lists"
         )
@@ -492,13 +492,13 @@ def _read_in_time(
 def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict[str, object]:
     """The tables [time], [output] and [units]."""
     units = stated.units.record()
-    found: dict[str, object] = {"units": units} if units else {}
+    records: dict[str, object] = {"units": units} if units else {}
     if stated.time is not None:
         with IMPORTS:
             from hemivar.files.time_table import output_record, time_record
-        found["time"] = time_record(stated.time, scalar)
-        found["output"] = output_record(stated.time.march, stated.output)
-    return found
+        records["time"] = time_record(stated.time, scalar)
+        records["output"] = output_record(stated.time.march, stated.output)
+    return records
 
 
 def _encoded(data: dict[str, object], settings: SolverSettings) -> str:

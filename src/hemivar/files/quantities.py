@@ -1,4 +1,4 @@
-"""Numbers and formulas of a statement as a problem file writes them."""
+"""Quantities, numbers and formulas of a statement, as a problem file writes them."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def laid_out(value: object, margin: str = "") -> str:
     if not isinstance(value, dict) or not value:
         return json.dumps(value, allow_nan=False)
     inner = margin + " "
-    lines = (f"{inner}{json.dumps(key)}: {laid_out(one, inner)}" for key, one in value.items())
+    lines = (f"{inner}{json.dumps(key)}: {laid_out(entry, inner)}" for key, entry in value.items())
     return "{\n" + ",\n".join(lines) + f"\n{margin}}}"
 
 
@@ -243,9 +243,9 @@ def _with_arrays(
     if os.path.realpath(arrays.parent) != os.path.realpath(path.parent):
         raise ProblemError(f"'{arrays}' must be in the folder of '{path}', which names it")
     beside = {"displacement": solution.displacement}
-    beside |= {f"{_CONTACT}{key}": one for key, one in _contact_record(solution).items() if _numeric(one)}
+    beside |= {f"{_CONTACT}{key}": values for key, values in _contact_record(solution).items() if _numeric(values)}
     record = result_record(solution, certificate)
-    record["contact"] = {key: one for key, one in _contact_record(solution).items() if not _numeric(one)}
+    record["contact"] = {key: values for key, values in _contact_record(solution).items() if not _numeric(values)}
     record |= {key: plain(value) for key, value in more.items()} | {"arrays": arrays.name}
     with whole_file(arrays) as name, name.open("wb") as stream:
         write_arrays(stream, beside)
@@ -269,28 +269,13 @@ def _put_back(record: Record, path: Path) -> None:
     contact = record.setdefault("contact", {})
     if not sound or not isinstance(contact, dict):
         raise ProblemError(f"'{path.parent / name}' or '{path}' was damaged; write both again")
-    for key, one in arrays.items():
-        place, last = (contact, key.removeprefix(_CONTACT)) if key.startswith(_CONTACT) else (record, key)
-        place[last] = one
+    for key, array in arrays.items():
+        entries, last = (contact, key.removeprefix(_CONTACT)) if key.startswith(_CONTACT) else (record, key)
+        entries[last] = array
 
 
 def read_json(path: str | Path) -> Record:
-    """A record written by :func:`write_json`; what stands in its second file comes as NumPy arrays.
-
-    Parameters
-    ----------
-    path : str or Path
-        Name of the file.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ProblemError
-        The file is missing, or is not JSON with an object in it.
-    """
+    """A record written by :func:`write_json`; what stands in its second file comes as NumPy arrays."""
     path = path_of(path)
     text = read_text(path, "result file", MOST_BYTES)
     try:

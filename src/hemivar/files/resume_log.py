@@ -1,4 +1,4 @@
-"""What is done of long work: a line of JSON for each part, appended when it is done, so that work can go on from it."""
+"""Checkpoint of long work as a log: a line of JSON for each part, appended when it is done, to continue from."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from hemivar.errors import FileError
 
 __all__ = ["ResumeLog"]
 
-_FORMAT = 3
 #: What a line begins with: the check of the rest of it.
 _CHECK = '{"check": "'
 
@@ -41,7 +40,7 @@ class ResumeLog(Generic[Part]):
         part: str,
         digest: str,
         read: Callable[[str], Part],
-        said: Mapping[str, object] | None = None,
+        more: Mapping[str, object] | None = None,
         most_bytes: int = disk.MOST_BYTES,
         wanted: bool = True,
     ) -> None:
@@ -50,7 +49,7 @@ class ResumeLog(Generic[Part]):
         self._wanted = wanted
         self._kind = kind
         self._parts: list[Part] = []
-        head = json.dumps({f"hemivar-{kind}": _FORMAT, "digest": digest, **(said or {})})
+        head = json.dumps({f"hemivar-{kind}": 3, "digest": digest, **(more or {})})
         if not os.path.lexists(self.path):
             self._write(lambda: disk.write_text(self.path, head + "\n"))
             return

@@ -1,4 +1,4 @@
-"""Problem files to begin with."""
+"""Templates: problem files to begin with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields of statements read from a table of a problem file and written to one, as each of them says.
+"""The schema of problem files: fields of statements read from a table and written to one, as each of them says.
 
 See :mod:`hemivar.basics.stated`. Reading and writing go through the same list of fields; what has its default is not
 written.
@@ -39,25 +39,25 @@ def decode(
     **own: Callable[[TomlTable], object],
 ) -> dict[str, Any]:
     """The fields of a dataclass that a table gives, by their names; the others keep their defaults."""
-    found = {}
-    for key, (one, said) in stated_fields(cls, part, by).items():
+    values = {}
+    for key, (field, stated) in stated_fields(cls, part, by).items():
         if key in table:
-            found[one.name] = own[one.name](table) if said.form is Form.OWN else _read(table, key, said, dim)
-        elif _default(one) is MISSING:
-            raise table.error(key, f"is missing; give {said.says}")
-    return found
+            values[field.name] = own[field.name](table) if stated.form is Form.OWN else _read(table, key, stated, dim)
+        elif _default(field) is MISSING:
+            raise table.error(key, f"is missing; give {stated.says}")
+    return values
 
 
-def _read(table: TomlTable, key: str, said: Stated, dim: int | Mesh) -> object:
+def _read(table: TomlTable, key: str, stated: Stated, dim: int | Mesh) -> object:
     """The value of a key, or one for each of the boundaries or regions that it names."""
     if isinstance(dim, int):
-        return read_value(table, key, said, dim)
-    if not said.by or (said.by == "region" and not isinstance(table.data[key], dict)):
-        return read_value(table, key, said, dim.dim)
+        return read_value(table, key, stated, dim)
+    if not stated.by or (stated.by == "region" and not isinstance(table.data[key], dict)):
+        return read_value(table, key, stated, dim.dim)
     named = table.table(key, None, inline=bool(table.name))
     for name in named.data:
-        check_named(dim, named, name, said.by)
-    return {name: read_value(named, name, said, dim.dim) for name in named.data}
+        check_named(dim, named, name, stated.by)
+    return {name: read_value(named, name, stated, dim.dim) for name in named.data}
 
 
 def check_named(mesh: Mesh, table: TomlTable, name: str, what: str = "boundary") -> None:
@@ -77,14 +77,14 @@ def encode(
 ) -> dict[str, object]:
     """The table of a dataclass of stated fields, from which :func:`decode` reads the same."""
     record = {}
-    for key, (one, said) in stated_fields(value, part, by).items():
-        given, default = getattr(value, one.name), _default(one)
+    for key, (field, stated) in stated_fields(value, part, by).items():
+        given, default = getattr(value, field.name), _default(field)
         if given is None or (default is not MISSING and not callable(given) and _equal(given, default)):
             continue
-        if one.name in own:
-            record[key] = own[one.name](given)
-        elif said.form is not Form.OWN:
-            record[key] = written(given, said.form, f"{where}.{one.name}".lstrip("."))
+        if field.name in own:
+            record[key] = own[field.name](given)
+        elif stated.form is not Form.OWN:
+            record[key] = written(given, stated.form, f"{where}.{field.name}".lstrip("."))
     return record
 
 
@@ -96,29 +96,33 @@ def read_arguments(
     own: Mapping[Form, Callable[[TomlTable, Argument], object]] = MappingProxyType({}),
 ) -> dict[str, object]:
     """What a table gives of the parameters of a law or a material, by their names in Python."""
-    found: dict[str, object] = {}
-    for one in entry.parameters:
-        if one.key not in table:
-            if one.required:
+    values: dict[str, object] = {}
+    for argument in entry.parameters:
+        if argument.key not in table:
+            if argument.required:
                 given = ", ".join((f'{entry.key} = "{entry.name}"', *(f"{name} = ..." for name in entry.required)))
                 example = f"{key} = {{ {given} }}" if key else given
-                raise table.error(one.key, f"is missing ({one.said.says}); write {example}")
-        elif one.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
-            least = one.said.lowest if one.said.below is None else -np.inf
-            found[one.name] = table.quantity(one.key, table.data[one.key], dim, least, timed=one.said.timed)
+                raise table.error(argument.key, f"is missing ({argument.said.says}); write {example}")
+        elif argument.said.form is Form.QUANTITY:  # a law itself says that zero is not allowed
+            least = argument.said.lowest if argument.said.below is None else -np.inf
+            values[argument.name] = table.quantity(
+                argument.key, table.data[argument.key], dim, least, timed=argument.said.timed
+            )
         else:
-            read = own.get(one.said.form)
-            found[one.name] = read(table, one) if read else read_value(table, one.key, one.said, dim)
-    return found
+            read = own.get(argument.said.form)
+            values[argument.name] = (
+                read(table, argument) if read else read_value(table, argument.key, argument.said, dim)
+            )
+    return values
 
 
 def encode_arguments(entry: LawEntry, value: object, where: str) -> dict[str, object]:
     """The parameters of what an entry makes, from which :func:`read_arguments` reads the same."""
     record = {}
-    for one in entry.parameters:
-        given = getattr(value, one.name, None)
-        if given is not None and (one.default is None or callable(given) or not _equal(given, one.default)):
-            record[one.key] = written(given, one.said.form, f"{where}.{one.name}")
+    for argument in entry.parameters:
+        given = getattr(value, argument.name, None)
+        if given is not None and (argument.default is None or callable(given) or not _equal(given, argument.default)):
+            record[argument.key] = written(given, argument.said.form, f"{where}.{argument.name}")
     return record
 
 
@@ -126,10 +130,10 @@ def rows_of(*classes: type[DataclassInstance], defaults: bool = True, part: str 
     """The rows of dataclasses in the tables of the page of the problem file: key, what it is, and its default."""
     rows = []
     for cls in classes:
-        for key, (one, said) in stated_fields(cls, part).items():
-            default = _default(one)
-            shown = said.left_out or ("" if default is MISSING or default is None else f"`{_toml(default)}`")
-            rows.append(f"| `{key}` | {said.says} |" + (f" {shown} |" if shown and defaults else " |" * defaults))
+        for key, (field, stated) in stated_fields(cls, part).items():
+            default = _default(field)
+            shown = stated.left_out or ("" if default is MISSING or default is None else f"`{_toml(default)}`")
+            rows.append(f"| `{key}` | {stated.says} |" + (f" {shown} |" if shown and defaults else " |" * defaults))
     return rows
 
 
@@ -144,29 +148,29 @@ def _toml(value: object) -> str:
     return f"{value}"
 
 
-def _equal(one: object, other: object) -> bool:
-    if isinstance(one, Mapping):
-        return not one
-    given, default = np.asarray(one), np.asarray(other)
+def _equal(left: object, right: object) -> bool:
+    if isinstance(left, Mapping):
+        return not left
+    given, default = np.asarray(left), np.asarray(right)
     if default.ndim == 0 and given.size:  # a vector of zeros is none
         return bool(np.all(given == default))
     return bool(np.array_equal(given, default))
 
 
-def _default(one: Field[object]) -> object:
-    return one.default if one.default_factory is MISSING else one.default_factory()
+def _default(field: Field[object]) -> object:
+    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
-def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object:
+def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> object:
     """The value of a key, in the form of its field."""
     value = table.data[key]
-    match said.form:
+    match stated.form:
         case Form.NUMBER:
-            return _within(table, key, table.number(key, value), said)
+            return _within(table, key, table.number(key, value), stated)
         case Form.WHOLE:
-            whole = table.whole(key, value, int(said.least or 0))
-            if said.most is not None and whole > said.most:
-                lowest, highest = int(said.least or 0), int(said.most)
+            whole = table.whole(key, value, int(stated.least or 0))
+            if stated.most is not None and whole > stated.most:
+                lowest, highest = int(stated.least or 0), int(stated.most)
                 which = (
                     f"{lowest} or {highest}" if highest == lowest + 1 else f"a whole number from {lowest} to {highest}"
                 )
@@ -177,9 +181,9 @@ def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object
                 raise table.error(key, f"must be true or false, not {kind(value)}")
             return value
         case Form.TEXT:
-            return table.text(key, None, said.choices or None)
+            return table.text(key, None, stated.choices or None)
         case Form.FILE:
-            return _file(table, key, said.endings)
+            return _file(table, key, stated.endings)
         case Form.POINT:
             return table.numbers(key, dim, f"a list of {dim} numbers")
         case Form.LIST:
@@ -187,22 +191,22 @@ def read_value(table: TomlTable, key: str, said: Stated, dim: int = 0) -> object
                 raise table.error(key, f"must be a list of numbers, not {kind(value)}")
             return [table.number(key, number) for number in value]
         case Form.VECTOR:
-            return table.vector(key, value, dim, timed=said.timed)
+            return table.vector(key, value, dim, timed=stated.timed)
         case Form.TENSOR if isinstance(value, list):
             return _square(table, key, dim, dim, f"a number, a formula, or {dim} lists of {dim} of these")
         case Form.MATRIX:
             size = dim * (dim + 1) // 2
-            what = f"{size} lists of {size} numbers or formulas, the rows of the {said.says} matrix"
+            what = f"{size} lists of {size} numbers or formulas, the rows of the {stated.says} matrix"
             return _square(table, key, dim, size, what)
         case Form.PAIR:
             pair = table.items(key, value, (2,), "a list of two numbers or formulas, lambda and mu")
-            return tuple(table.quantity(key, one, dim) for one in pair)
-    least, above = -np.inf if said.least is None else said.least, said.above if said.below is None else None
-    found = table.quantity(key, value, dim, least, above, said.timed)
-    if said.below is not None and not callable(found) and not said.lowest < found < said.below:
-        ends = f"{said.lowest:g} and {said.below:g}"
-        raise table.error(key, f"is {found:g}; it must lie between {ends}, both excluded")
-    return found
+            return tuple(table.quantity(key, entry, dim) for entry in pair)
+    least, above = -np.inf if stated.least is None else stated.least, stated.above if stated.below is None else None
+    quantity = table.quantity(key, value, dim, least, above, stated.timed)
+    if stated.below is not None and not callable(quantity) and not stated.lowest < quantity < stated.below:
+        ends = f"{stated.lowest:g} and {stated.below:g}"
+        raise table.error(key, f"is {quantity:g}; it must lie between {ends}, both excluded")
+    return quantity
 
 
 def _square(table: TomlTable, key: str, dim: int, size: int, what: str) -> object:
@@ -210,18 +214,18 @@ def _square(table: TomlTable, key: str, dim: int, size: int, what: str) -> objec
     return array([table.quantity(key, entry, dim) for row in rows for entry in row], (size, size))
 
 
-def _within(table: TomlTable, key: str, number: float, said: Stated) -> float:
+def _within(table: TomlTable, key: str, number: float, stated: Stated) -> float:
     """A number within its limits."""
-    if said.least is not None and said.most is not None:
-        if not said.least <= number <= said.most:
-            raise table.error(key, f"is {number:g}; it must lie between {said.least:g} and {said.most:g}")
-    elif said.least is not None and number < said.least:
-        raise table.error(key, f"is {number:g}; it must be at least {said.least:g}")
-    elif said.above is not None and not number > said.above:
-        more = "positive" if said.above == 0.0 else f"greater than {said.above:g}"
+    if stated.least is not None and stated.most is not None:
+        if not stated.least <= number <= stated.most:
+            raise table.error(key, f"is {number:g}; it must lie between {stated.least:g} and {stated.most:g}")
+    elif stated.least is not None and number < stated.least:
+        raise table.error(key, f"is {number:g}; it must be at least {stated.least:g}")
+    elif stated.above is not None and not number > stated.above:
+        more = "positive" if stated.above == 0.0 else f"greater than {stated.above:g}"
         raise table.error(key, f"is {number:g}; it must be {more}")
-    elif said.below is not None and not number < said.below:
-        raise table.error(key, f"is {number:g}; it must be smaller than {said.below:g}")
+    elif stated.below is not None and not number < stated.below:
+        raise table.error(key, f"is {number:g}; it must be smaller than {stated.below:g}")
     return number
 
 
@@ -241,7 +245,7 @@ def _rows(matrix: object, where: str) -> list[object]:
 def written(value: object, form: Form, where: str) -> object:
     """A value, or one for each of several names, as a file states it."""
     if isinstance(value, Mapping):
-        return {name: written(one, form, f"{where}['{name}']") for name, one in value.items()}
+        return {name: written(entry, form, f"{where}['{name}']") for name, entry in value.items()}
     match form:
         case Form.TENSOR:
             if isinstance(value, GradientEnergy):
@@ -252,7 +256,7 @@ def written(value: object, form: Form, where: str) -> object:
         case Form.MATRIX:
             return _rows(value, where)
         case Form.PAIR:
-            return [quantity_record(one, where) for one in value]  # type: ignore[attr-defined]
+            return [quantity_record(entry, where) for entry in value]  # type: ignore[attr-defined]
         case Form.QUANTITY:
             return quantity_record(value, where)
         case Form.VECTOR | Form.POINT:

@@ -77,9 +77,11 @@ class Series:
         """Remove frames, and pieces of frames, but those that are named."""
         stem = re.escape(self.path.stem)
         own = re.compile(stem + r"_\d{6,}(_contact)?(_\d+)?\.p?vtu")
-        begun = re.compile(r"\." + stem + r"_\d{6,}(_contact)?(_\d+)?-[0-9a-f]{12}\.p?vtu")  # by one that was killed
+        unfinished = re.compile(
+            r"\." + stem + r"_\d{6,}(_contact)?(_\d+)?-[0-9a-f]{12}\.p?vtu"
+        )  # by one that was killed
         for file in self.folder.iterdir():
-            if begun.fullmatch(file.name) or (own.fullmatch(file.name) and file.name not in named):
+            if unfinished.fullmatch(file.name) or (own.fullmatch(file.name) and file.name not in named):
                 with contextlib.suppress(FileError):  # one that was read stays
                     remove_file(file)
 

@@ -18,18 +18,7 @@ __all__ = ["OutputSettings", "SolverSettings", "TimeSettings"]
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """What the ``[solver]`` table of a problem file asks for; ``None`` where it says nothing.
-
-    Attributes
-    ----------
-    method : str or None
-        Name of a method, as in :data:`hemivar.solvers.METHODS`.
-    rtol : float or None
-        Relative tolerance of the residual.
-    max_steps : int or None
-    max_time : float or None
-        Seconds.
-    """
+    """What the ``[solver]`` table of a problem file asks for; ``None`` where it says nothing."""
 
     method: str | None = field(
         default=None,

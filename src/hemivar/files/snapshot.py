@@ -1,4 +1,4 @@
-"""The body of an evolution at one time, as files and figures take it: what a solution is in statics."""
+"""A snapshot (state) of an evolution, as files and figures take it: what a solution is in statics."""
 
 from __future__ import annotations
 

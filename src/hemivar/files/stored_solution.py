@@ -1,4 +1,4 @@
-"""A solution on one line of JSON, every bit of it, without the problem that it solves."""
+"""A solution serialised as one line of JSON, every bit of it, without the problem that it solves."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class StoredSolution:
     @staticmethod
     def of(number: int, solution: Solution) -> StoredSolution:
         """What is kept of a solution."""
-        names = [one.name for one in fields(StoredSolution) if one.name != "number"]
+        names = [field.name for field in fields(StoredSolution) if field.name != "number"]
         return StoredSolution(number, **{name: getattr(solution, name) for name in names})
 
     def keep(self, path: Path) -> None:
@@ -58,20 +58,20 @@ class StoredSolution:
         """The line; numbers of the two arrays as their bytes in base 64."""
         arrays: list[AnyArray] = []
         head: Record = cast(Record, encoded(self, arrays))
-        return json.dumps({**head, "arrays": [text_of_array(one) for one in arrays]}, allow_nan=False)
+        return json.dumps({**head, "arrays": [text_of_array(array) for array in arrays]}, allow_nan=False)
 
     @staticmethod
     def of_line(text: str) -> StoredSolution:
         """What a line holds."""
         data = json.loads(text)
-        arrays = [array_of_text(one) for one in data.pop("arrays")]
-        found = decoded(StoredSolution, data, arrays)
-        if min(found.number, found.steps, found.evaluations) < 0:
+        arrays = [array_of_text(array) for array in data.pop("arrays")]
+        stored = decoded(StoredSolution, data, arrays)
+        if min(stored.number, stored.steps, stored.evaluations) < 0:
             raise ValueError("a number of meshes or steps is negative")
-        finite = np.isfinite(found.unknowns).all() and np.isfinite(found.multiplier).all()
-        if not finite and found.status is not Status.NONFINITE:
+        finite = np.isfinite(stored.unknowns).all() and np.isfinite(stored.multiplier).all()
+        if not finite and stored.status is not Status.NONFINITE:
             raise ValueError("an entry is not finite")
-        return found
+        return stored
 
     def solution(self, problem: DiscreteProblem) -> Solution:
         """The solution, of the problem that it was computed for; without the history of its steps."""

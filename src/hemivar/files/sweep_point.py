@@ -74,11 +74,11 @@ class SweepPoint:
         ValueError, KeyError, TypeError
             It is no such line.
         """
-        found = decoded(SweepPoint, json.loads(text), [])
-        if any(one < 0 for one in found.place):
+        point = decoded(SweepPoint, json.loads(text), [])
+        if any(index < 0 for index in point.place):
             raise ValueError("the place is not a list of whole numbers")
-        if len({len(getattr(found, name)) for name in (*_OF_SOLUTIONS, "kinds")}) > 1:
+        if len({len(getattr(point, name)) for name in (*_OF_SOLUTIONS, "kinds")}) > 1:
             raise ValueError("solutions have energies, kinds, penetrations and forces")
-        if not all(map(math.isfinite, found.energies)):
+        if not all(map(math.isfinite, point.energies)):
             raise ValueError("an energy is not finite")
-        return found
+        return point

@@ -112,8 +112,8 @@ def _step(table: TomlTable) -> StepSizeController:
     given = table.table("step", keys_of(AdaptiveStep), inline=True)
     if "rtol" not in given:
         raise given.error("rtol", "is missing; give the tolerance of a step's error, or write step = NUMBER")
-    found = decode(AdaptiveStep, given)
-    lengths = [(key, found[name]) for key, name in _LENGTHS if name in found]
+    values = decode(AdaptiveStep, given)
+    lengths = [(key, values[name]) for key, name in _LENGTHS if name in values]
     for (one, less), (other, more) in itertools.pairwise(lengths):
         if less > more:
             raise given.error(one, f"is {less:g}, more than {other} = {more:g}; exchange them")
@@ -121,7 +121,7 @@ def _step(table: TomlTable) -> StepSizeController:
         if key != "max" and length > until:
             raise given.error(key, f"is {length:g}, longer than the whole time {until:g}; give a shorter one")
     with context(f"{table.where('step')}:"):
-        return AdaptiveStep(**found)
+        return AdaptiveStep(**values)
 
 
 def _scheme(table: TomlTable) -> Scheme:
@@ -162,8 +162,8 @@ def _checkpoint(table: TomlTable) -> Checkpoint:
     if isinstance(table.data["checkpoint"], dict):
         given = table.table("checkpoint", keys_of(Checkpoint), inline=True)
         return Checkpoint(**decode(Checkpoint, given))
-    _, said = stated_fields(Checkpoint)["file"]
-    return Checkpoint(read_value(table, "checkpoint", said))  # type: ignore[arg-type]
+    _, stated = stated_fields(Checkpoint)["file"]
+    return Checkpoint(read_value(table, "checkpoint", stated))  # type: ignore[arg-type]
 
 
 def time_record(time: TimeSettings, scalar: ScalarKind | None = None) -> dict[str, object]:

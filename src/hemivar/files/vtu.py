@@ -155,15 +155,15 @@ class _Block:
 def _blocks(boundary: ContactBoundary, quantities: Mapping[str, tuple[Array, float]]) -> list[_Block]:
     """The side with the contact points, and the one that it touches, on which forces and slips are opposite."""
     data = {name: boundary.at_nodes(values, fill, name in WHOLE) for name, (values, fill) in quantities.items()}
-    found = [_Block(boundary.name, boundary.members, boundary.used_nodes, data)]
+    blocks = [_Block(boundary.name, boundary.members, boundary.used_nodes, data)]
     other = boundary.touched
     if other is not None:
         turned = {name: (-values if name in _OPPOSITE else values, fill) for name, (values, fill) in quantities.items()}
         data = {name: other.at_nodes(values, fill, name in WHOLE) for name, (values, fill) in turned.items()}
         for name in ("state", "tangential_state"):  # those of contact points
             data[name] = np.full(len(data[name]), -1.0)
-        found.append(_Block(boundary.name, other.members, np.unique(other.members), data, True))
-    return found
+        blocks.append(_Block(boundary.name, other.members, np.unique(other.members), data, True))
+    return blocks
 
 
 def field_data(solution: Solution | Snapshot) -> dict[str, float]:
@@ -181,8 +181,8 @@ def body_fields(
     stated = solution.problem.origin
     field = solution.problem.field
     assert field is not None
-    one = field.components == 1  # of a plane, across it
-    point_data: dict[str, Array] = {field.name: solution.displacement[:, 0]} if one else {}
+    scalar = field.components == 1  # of a plane, across it
+    point_data: dict[str, Array] = {field.name: solution.displacement[:, 0]} if scalar else {}
     point_data["displacement"] = _moved(solution.displacement)
     cell_data: dict[str, Array] = {}
     if isinstance(solution, Snapshot):
@@ -226,13 +226,13 @@ def _scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dic
 
 def _checked(mesh: Mesh, values: Mapping[str, Array] | None) -> dict[str, Array]:
     """More data of the cells, one value or row for each of them."""
-    found = {name: np.asarray(value, dtype=float) for name, value in ({} if values is None else values).items()}
-    for name, value in found.items():
+    arrays = {name: np.asarray(value, dtype=float) for name, value in ({} if values is None else values).items()}
+    for name, value in arrays.items():
         if value.shape[:1] != (mesh.number_of_cells,):
             raise ProblemError(
                 f"cell values '{name}' have shape {value.shape}; the mesh has {mesh.number_of_cells} cells"
             )
-    return found
+    return arrays
 
 
 def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
@@ -294,7 +294,7 @@ def write_grid(
     cells: Mapping[str, IntArray],
     point_data: Mapping[str, Array],
     cell_data: Mapping[str, Array],
-    told: Mapping[str, float],
+    field_values: Mapping[str, float],
 ) -> None:
     """Write a VTU file, silently; states and ``boundary`` become whole numbers, and single values field data."""
     with IMPORTS:
@@ -307,15 +307,15 @@ def write_grid(
     noise = io.StringIO()
     with whole_file(path) as name, contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
         grid.write(name, file_format="vtu")
-        if told:  # meshio writes no field data
+        if field_values:  # meshio writes no field data
             arrays = "".join(
                 f'<DataArray type="{"Int32" if isinstance(number, int) else "Float64"}" Name={quoteattr(known)} '
                 f'NumberOfTuples="1" format="ascii">{number!r}</DataArray>\n'
-                for known, number in told.items()
+                for known, number in field_values.items()
             )
             start = b"<UnstructuredGrid>"
-            begun = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()
-            name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, begun, 1))
+            with_data = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()
+            name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, with_data, 1))
 
 
 def _symmetric_stress(stated: ContactProblem, displacement: Array) -> Array:

@@ -17,6 +17,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.contact_points import shares
 from hemivar.fem.reactions import support_reactions
 from hemivar.laws import VectorLaw
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.solvers import Controls, Solution, solve
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems.condensed import CondensedProblem
@@ -182,8 +183,6 @@ def _measure(problem: DiscreteProblem, goal: Goal) -> Callable[[Array, Array], f
             contact.forces(-contact.weights[:, None] * contact.global_vectors(lam))[goal.boundary][axis]
         )
     mesh, order = stated.mesh, stated.order
-    facets = mesh.boundaries[goal.boundary]
-    nodes = mesh.facet_nodes(facets, order)
-    _, sizes = mesh.facet_normals(facets)
-    share = sizes[:, None] * shares(order, mesh.dim) / sizes.sum()
+    rule = boundary_rule(mesh, goal.boundary, order)
+    nodes, share = rule.nodes, rule.weights[:, None] * shares(order, mesh.dim) / rule.weights.sum()
     return lambda u, lam: float((share * space.full(u)[nodes, axis]).sum())

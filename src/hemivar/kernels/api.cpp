@@ -102,7 +102,7 @@ int two_sums(int64_t n, double* out, const Term& term) {
 
 }  // namespace
 
-HEMIVAR_API int hv_abi() { return 10; }
+HEMIVAR_API int hv_abi() { return 11; }
 
 HEMIVAR_API void hv_set_threads(int count) { Pool::set_threads(count); }
 
@@ -407,9 +407,9 @@ HEMIVAR_API int hv_pull_back(int64_t dim, int64_t cells, int64_t count, const do
 
 HEMIVAR_API int hv_strains(int64_t dim, int64_t cells, int64_t count, const double* displacement,
                            const int64_t* vertices, const double* gradients, const double* sizes,
-                           const double* matrices, double* strains, double* stresses, double* forces) {
+                           const double* matrices, double* stresses, double* forces) {
     return guarded([&] {
-        strain_cells(dim, cells, count, displacement, vertices, gradients, sizes, matrices, strains, stresses, forces);
+        strain_cells(dim, cells, count, displacement, vertices, gradients, sizes, matrices, stresses, forces);
     });
 }
 

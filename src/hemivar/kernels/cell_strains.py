@@ -1,4 +1,4 @@
-"""Strains, stresses and nodal forces (gather, B-matrix, scatter) of linear elements by the compiled kernels."""
+"""Stresses and nodal forces (gather, B-matrix, scatter) of linear elements by the compiled kernels."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ __all__ = ["cell_strains"]
 
 def cell_strains(
     displacement: Array, cells: IntArray, gradients: Array, size: Array, stiffness: Array
-) -> tuple[Array, Array, Array] | None:
-    """Those of each cell, (M, d, d) twice and (M, d + 1, d); None where no kernels are compiled.
+) -> tuple[Array, Array] | None:
+    """Stresses (M, d, d) and nodal forces (M, d + 1, d) of the cells; None where no kernels are compiled.
 
     ``displacement`` (N, d), ``gradients`` (M, d + 1, d) of the barycentric coordinates, ``size`` (M,) is d! times the
     volume, ``stiffness`` (M or 1, v, v); forces are ``int_T C eps grad phi_a``.
@@ -24,7 +24,7 @@ def cell_strains(
         return None
     (nodes, dim), count, number = displacement.shape, len(cells), stiffness.shape[-1]
     matrices = 1 if len(stiffness) == 1 else count
-    out = np.empty((count, dim, dim)), np.empty((count, dim, dim)), np.empty((count, dim + 1, dim))
+    out = np.empty((count, dim, dim)), np.empty((count, dim + 1, dim))
     arrays = (
         given("displacement", displacement, (nodes, 3 if number == 6 else 2)),
         numbers("cells", cells, (count, dim + 1), nodes),

@@ -100,7 +100,7 @@ HEMIVAR_INLINE void fill(const Tables& t, const CellStresses& b, int64_t first, 
             for (int64_t k = 0; k < d; ++k) from[k] = b.loads[load + k] + (b.defect ? b.defect[load + k] : 0.0);
             put(w.given + t.moments + f * d);
         }
-        const double* compliance = b.compliance + cell * t.upper;
+        const double* compliance = b.compliance + b.alike[cell] * t.upper;
         for (int p = 0; p < V; ++p) {
             for (int q = p; q < V; ++q) w.matrix[p * V + q][lane] = w.matrix[q * V + p][lane] = *compliance++;
         }
@@ -279,7 +279,7 @@ constexpr int kPlace[3][3] = {{0, D == 2 ? 2 : 5, 4}, {D == 2 ? 2 : 5, 1, 3}, {4
 
 template <int D>
 void strain_one(const double* displacement, const int64_t* vertices, const double* gradient, double volume,
-                const double* matrix, double* strain, double* stress, double* force) {
+                const double* matrix, double* stress, double* force) {
     constexpr int V = D * (D + 1) / 2;
     double slope[D][D] = {}, vector[V];
     for (int a = 0; a <= D; ++a) {
@@ -289,7 +289,6 @@ void strain_one(const double* displacement, const int64_t* vertices, const doubl
     }
     for (int i = 0; i < D; ++i) {
         for (int j = 0; j < D; ++j) {
-            strain[i * D + j] = 0.5 * (slope[i][j] + slope[j][i]);
             vector[kPlace<D>[i][j]] = i == j ? slope[i][i] : slope[i][j] + slope[j][i];
         }
     }
@@ -385,15 +384,15 @@ void pull_back(int64_t dim, int64_t cells, int64_t count, const double* matrices
 }
 
 void strain_cells(int64_t dim, int64_t cells, int64_t count, const double* displacement, const int64_t* vertices,
-                  const double* gradients, const double* sizes, const double* matrices, double* strains,
-                  double* stresses, double* forces) {
+                  const double* gradients, const double* sizes, const double* matrices, double* stresses,
+                  double* forces) {
     const auto one = dim == 2 ? strain_one<2> : strain_one<3>;
     const int64_t v = dim * (dim + 1) / 2, square = dim * dim, corners = dim + 1;
     share((cells + kPiece - 1) / kPiece, [&](int64_t piece) {
         for (int64_t cell = piece * kPiece; cell < std::min(cells, (piece + 1) * kPiece); ++cell) {
             one(displacement, vertices + cell * corners, gradients + cell * corners * dim,
                 sizes[cell] / (dim == 2 ? 2.0 : 6.0), matrices + (count == 1 ? 0 : cell * v * v),
-                strains + cell * square, stresses + cell * square, forces + cell * corners * dim);
+                stresses + cell * square, forces + cell * corners * dim);
         }
     });
 }

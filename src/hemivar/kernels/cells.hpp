@@ -17,7 +17,8 @@ struct CellElement {
 
 struct CellStresses {
     int64_t cells, facets, own_nodes;
-    const double* compliance;  // (M, v (v + 1) / 2), on the reference simplex
+    const double* compliance;  // (kinds, v (v + 1) / 2), on the reference simplex
+    const int64_t* alike;      // (M,), the kind of each cell
     const double* gradients;   // (M, d + 1, d), of the barycentric coordinates
     const double* signs;       // (M, d + 1)
     const int64_t* cell_facets;
@@ -34,11 +35,11 @@ void pull_back(int64_t dim, int64_t cells, int64_t count, const double* matrices
 
 void add_up_cells(const CellElement& element, const CellStresses& body);
 
-// Strains and stresses (M, d, d) of linear elements, and their nodal forces (M, d + 1, d); matrices are (count, v, v),
+// Stresses (M, d, d) of linear elements, and their nodal forces (M, d + 1, d); matrices are (count, v, v),
 // those of all cells or one.
 void strain_cells(int64_t dim, int64_t cells, int64_t count, const double* displacement, const int64_t* vertices,
-                  const double* gradients, const double* sizes, const double* matrices, double* strains,
-                  double* stresses, double* forces);
+                  const double* gradients, const double* sizes, const double* matrices, double* stresses,
+                  double* forces);
 
 // What linear elements leave of the loads, seen by the bubbles of the edges.
 struct CellBubbles {

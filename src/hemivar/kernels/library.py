@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Kernels", "expect_list", "kernels", "threads"]
 
 #: What both sides agree on; a library of another version is left alone.
-_ABI = 10
+_ABI = 11
 #: With a dot inside, so that nothing that lists the modules of a package takes the library for one.
 _NAMES = ("_compiled.kernels.so", "_compiled.kernels.pyd")
 #: Most threads that are ever taken.
@@ -80,7 +80,7 @@ _FUNCTIONS: dict[str, tuple[list[type], type | None]] = {
     "hv_patch_order": ([c_int64, c_int64, c_void_p, c_int64, *[c_void_p] * 5], c_int64),
     "hv_improve_patches": ([c_void_p, c_void_p], c_int),
     "hv_pull_back": ([*[c_int64] * 3, *[c_void_p] * 5], c_int),
-    "hv_strains": ([*[c_int64] * 3, *[c_void_p] * 8], c_int),
+    "hv_strains": ([*[c_int64] * 3, *[c_void_p] * 7], c_int),
     "hv_cells": ([c_void_p, c_void_p], c_int),
     "hv_unresolved": ([c_void_p, c_void_p], c_int),
     "hv_facets_new": ([c_int, c_int64, c_int64, *[c_void_p] * 3], c_int),

@@ -529,7 +529,7 @@ private:
 
     // What these moments add to the slopes of the cell, the least over what has no tractions.
     void bend(int64_t c, int64_t facets, int64_t rows) {
-        const double* weights = body.compliance + shape.cells[c] * z.v;
+        const double* weights = body.compliance + body.alike[shape.cells[c]] * z.v;
         const int first = system.starts[c], last = system.starts[c + 1];
         energy.resize((rows + z.inner) * z.whole);
         whole.resize((last - first) * z.whole);

@@ -14,11 +14,12 @@ constexpr int64_t kColours = 256;
 struct PatchBody {
     int64_t dim, nodes, inner, cells, facets;
     const double* energies;    // (n + i, v, n + i): n moments of a cell, i numbers without tractions
-    const double* compliance;  // (M, v)
+    const double* compliance;  // (kinds, v)
     const double* gradients;   // (M, d + 1, d), of the barycentric coordinates
     const double* signs;       // (M, d + 1)
     const double* points;      // (N, d)
-    const int64_t *cell_facets, *facet_nodes, *alike;
+    const int64_t *cell_facets, *facet_nodes;
+    const int64_t* alike;      // (M,), the kind of each cell
 };
 
 struct PatchSweep {

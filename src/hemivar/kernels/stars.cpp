@@ -380,7 +380,7 @@ public:
             if (sheet.one >= 0 && sheet.two >= 0) {
                 for (int i = 0; i < D; ++i) sheet.m[i] += sheet.ease * (one[i] - two[i]);
             } else if (sheet.unknown) {
-                const double* U = body.unknown + sheet.facet * D * D;
+                const double* U = body.unknown + body.outer[sheet.facet] * D * D;
                 for (int i = 0; i < D; ++i) {
                     for (int j = 0; j < D; ++j) sheet.m[i] += sheet.ease * U[i * D + j] * one[j];
                 }
@@ -419,8 +419,8 @@ public:
     // On the boundary: what is given, or stated by pressures; of the cell along directions in which nothing is.
     // Returns whether there are such.
     bool boundary(int64_t facet, int64_t cell, int side, int node, double* m) const {
-        const double *U = body.unknown + facet * D * D, *mine = own(cell, side, node);
-        const int64_t at = (facet * body.of_facet + node) * D;
+        const double *U = body.unknown + body.outer[facet] * D * D, *mine = own(cell, side, node);
+        const int64_t at = (body.outer[facet] * body.of_facet + node) * D;
         const double sign = body.own ? 1.0 : -1.0;
         double off[D];
         bool some = false;
@@ -482,7 +482,7 @@ private:
         double taken[D][D] = {};
         for (const Sheet<D>& sheet : sheets) {
             if (!sheet.unknown) continue;
-            const double* U = body.unknown + sheet.facet * D * D;
+            const double* U = body.unknown + body.outer[sheet.facet] * D * D;
             for (int i = 0; i < D; ++i) {
                 for (int j = 0; j < D; ++j) taken[i][j] += sheet.ease * U[i * D + j];
             }
@@ -566,7 +566,7 @@ private:
             } else if (sheet.unknown) {
                 for (int i = 0; i < C; ++i) {
                     for (int j = 0; j <= i; ++j) {
-                        matrix(one + i, one + j) += sheet.ease * body.unknown[(sheet.facet * D + i) * D + j];
+                        matrix(one + i, one + j) += sheet.ease * body.unknown[(body.outer[sheet.facet] * D + i) * D + j];
                     }
                 }
             }
@@ -628,7 +628,7 @@ struct Middle {
             return;
         }
         around.boundary(facet, one, side, 2, m);
-        const double* U = body.unknown + 4 * facet;
+        const double* U = body.unknown + 4 * body.outer[facet];
         const double free[4] = {1.0 - U[0], -U[1], -U[2], 1.0 - U[3]};
         const End first = end(one, side, m, 1.0);
         const double total[2] = {free[0] * first.lack[0] + free[1] * first.lack[1],

@@ -49,9 +49,10 @@ struct StarBody {
     const double* forces;        // cells, of_cell, dim
     const double* loads;         // cells, of_cell, dim
     const double* own;           // cells, dim + 1, of_facet, dim: moments of the cells; null where these are -forces
-    const double* given;         // facets, of_facet, dim
-    const double* unknown;       // facets, dim, dim
-    const double* pressures;     // facets, of_facet, dim; or null
+    const int64_t* outer;        // facets: where those of the boundary stand in the next three
+    const double* given;         // outer facets, of_facet, dim
+    const double* unknown;       // outer facets, dim, dim
+    const double* pressures;     // outer facets, of_facet, dim; or null
     const double* missed;        // nodes, dim; or null
     const int64_t* start;        // vertices + 1
     const int64_t* pairs;        // cells (dim + 1)

@@ -83,9 +83,10 @@ def entry_of(kind: type, of: LawKind) -> LawEntry | None:
 
 @cache
 def _entry(kind: type, of: LawKind, name: str) -> LawEntry:
-    summary = cleandoc(kind.__doc__ or "").partition("\n")[0]
+    own = vars(kind).get("__entry__")  # what it says of itself, see named
+    summary = own.summary if own is not None else cleandoc(kind.__doc__ or "").partition("\n")[0]
     profile = of is LawKind.FRICTION and issubclass(kind, Superpotential)
-    return LawEntry(of, name, _maker(kind, name, profile), summary, "")
+    return LawEntry(of, name, _maker(kind, name, profile), summary, "" if own is None else own.formula)
 
 
 def _maker(kind: type, name: str, profile: bool) -> Callable[..., object]:

@@ -1,4 +1,4 @@
-"""Coarse levels where no coarser mesh is known: smoothed aggregation, from the matrix and the rigid motions."""
+"""Algebraic multigrid by smoothed aggregation: coarse levels from a matrix and its near-nullspace (rigid motions)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from hemivar.linear.truncated_level import narrow
 
 __all__ = ["NodeSlots", "algebraic_levels", "independent_nodes", "near_each_other"]
 
-_LEVELS = 20
 #: Sweeps that smooth the near null space of the finest level, on which supports bend it.
 _SWEEPS = 4
 #: Nodes are coupled strongly from this part of the root of the product of their own blocks on: in the given matrix, and
@@ -24,8 +23,6 @@ _SWEEPS = 4
 _STRONG = (0.04, 0.08)
 #: Jacobi step that smooths the prolongation, relative to the largest eigenvalue.
 _DAMPING = 1.6
-_LANCZOS = 60
-_ACCURACY = 0.01
 #: Diagonal entries below this part of the largest belong to unknowns that nothing reaches.
 _GONE = 1e-14
 #: Nodes of a block of the smoother at least: fewer stand in one block in any order.
@@ -33,8 +30,6 @@ _FEW_NODES = 512
 #: Mean distance of neighbours, as a part of the nodes, from which on they are scattered. Nodes by lines and planes stay
 #: below a tenth; mesh generators, which begin with the boundary, and refinement lie at a fifth.
 _SCATTERED = 0.1
-#: Unknowns that are looked at.
-_SAMPLE = 1000
 
 
 def algebraic_levels(
@@ -51,11 +46,11 @@ def algebraic_levels(
     n = matrix.shape[0]
     slots = NodeSlots.single(n) if slots is None else slots
     count, size = slots.nodes * slots.size, slots.size
-    place = sp.csr_array((np.ones(n), (slots.places, np.arange(n))), shape=(count, n))
+    embedding = sp.csr_array((np.ones(n), (slots.places, np.arange(n))), shape=(count, n))
     empty = np.ones(count)
     empty[slots.places] = 0.0
     mean = float(matrix.diagonal().mean())
-    filled = place @ matrix @ place.T + sp.diags_array(mean * empty)
+    filled = embedding @ matrix @ embedding.T + sp.diags_array(mean * empty)
     blocks = sp.csr_array(filled).tobsr((size, size))
     near = np.ones((n, 1)) if near is None else near
     candidates = np.zeros((count, near.shape[1]))
@@ -63,13 +58,13 @@ def algebraic_levels(
     group = np.zeros(slots.nodes, dtype=np.int64)
     if slots.group is not None:
         np.maximum.at(group, slots.places // size, slots.group)
-    found: list[tuple[sp.csr_array, Transfer]] = []
-    while len(found) < _LEVELS and blocks.shape[0] > COARSEST:
-        blocks, prolongation, candidates, group = _coarsened(blocks, candidates, group, finest=not found)
-        if not found:
-            prolongation = sp.csr_array(place.T @ prolongation)
-        found.insert(0, (_regular(sp.csr_array(blocks)), Transfer.of(prolongation)))
-    return found
+    levels: list[tuple[sp.csr_array, Transfer]] = []
+    while len(levels) < 20 and blocks.shape[0] > COARSEST:
+        blocks, prolongation, candidates, group = _coarsened(blocks, candidates, group, finest=not levels)
+        if not levels:
+            prolongation = sp.csr_array(embedding.T @ prolongation)
+        levels.insert(0, (_regular(sp.csr_array(blocks)), Transfer.of(prolongation)))
+    return levels
 
 
 def _coarsened(
@@ -122,17 +117,17 @@ def _aggregates(matrix: sp.bsr_array, group: IntArray, least: float) -> sp.csr_a
     strong = coupling.copy()
     strong.data[strong.data < least] = 0.0
     strong.eliminate_zeros()
-    found = sp.csr_array(standard_aggregation(narrow(strong))[0])
-    alone = np.diff(found.indptr) == 0
+    members = sp.csr_array(standard_aggregation(narrow(strong))[0])
+    alone = np.diff(members.indptr) == 0
     if not alone.any():
-        return found
+        return members
     coupling.data[alone[coupling.indices]] = 0.0
     nearest, strength = _largest_of_rows(coupling)
     of_node = np.zeros(alone.size, dtype=np.int32)
-    of_node[~alone] = found.indices
+    of_node[~alone] = members.indices
     of_node[alone] = of_node[nearest[alone]]
     member = np.flatnonzero(~alone | (strength > 0.0))
-    return narrow(sp.csr_array((np.ones(member.size), (member, of_node[member])), shape=found.shape))
+    return narrow(sp.csr_array((np.ones(member.size), (member, of_node[member])), shape=members.shape))
 
 
 def independent_nodes(near: sp.csr_array, order: IntArray) -> BoolArray:
@@ -144,10 +139,10 @@ def independent_nodes(near: sp.csr_array, order: IntArray) -> BoolArray:
     turned = sp.csr_array(near[order][:, order])
     turned.setdiag(0.0)
     turned.eliminate_zeros()
-    turned, found = narrow(turned), np.full(order.size, -1, dtype=np.int32)
-    amg_core.maximal_independent_set_serial(order.size, turned.indptr, turned.indices, -1, 1, 0, found)
+    turned, marks = narrow(turned), np.full(order.size, -1, dtype=np.int32)
+    amg_core.maximal_independent_set_serial(order.size, turned.indptr, turned.indices, -1, 1, 0, marks)
     out = np.zeros(order.size, dtype=bool)
-    out[order] = found == 1
+    out[order] = marks == 1
     return out
 
 
@@ -180,14 +175,14 @@ def _largest_eigenvalue(matrix: sp.bsr_array, scale: Array) -> float:
     before, beta, top = np.zeros_like(v), 0.0, 1.0
     along: list[float] = []
     beside: list[float] = []
-    for _ in range(_LANCZOS):
+    for _ in range(60):
         w = scale * (matrix @ (scale * v)) - beta * before
         along.append(float(v @ w))
         w -= along[-1] * v
         beta = float(np.linalg.norm(w))
         values, vectors = la.eigh_tridiagonal(along, beside)
         top = float(values[-1])
-        if beta * abs(vectors[-1, -1]) <= _ACCURACY * top:
+        if beta * abs(vectors[-1, -1]) <= 0.01 * top:
             break
         beside.append(beta)
         before, v = v, w / beta
@@ -221,7 +216,7 @@ def near_each_other(slots: NodeSlots, matrix: sp.csr_array) -> NodeSlots:
 
 def _mean_distance(node: IntArray, matrix: sp.csr_array) -> float:
     """How far apart coupled nodes are in their order, on the average, seen from some of the rows."""
-    step = max(1, matrix.shape[0] // _SAMPLE)
+    step = max(1, matrix.shape[0] // 1000)  # a thousand rows tell it
     rows = sp.csr_array(matrix[::step])
     own = np.repeat(node[::step], np.diff(rows.indptr))
     return float(np.abs(node[rows.indices] - own).mean()) if rows.nnz else 0.0

@@ -1,4 +1,4 @@
-"""Levels in the compiled kernels: the cycle and the products of :class:`Levels` in single calls."""
+"""V-cycles in the compiled kernels: cycle and matrix-vector products of :class:`Levels` in single calls."""
 
 from __future__ import annotations
 

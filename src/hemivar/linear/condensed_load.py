@@ -1,4 +1,4 @@
-"""A load taken over to the unknowns that a factorisation keeps, and the error where nothing else holds the others."""
+"""A load condensed onto the unknowns that a factorisation keeps, and the error where nothing else holds the others."""
 
 from __future__ import annotations
 
@@ -12,23 +12,14 @@ __all__ = ["CondensedLoad", "singular_interior"]
 
 @dataclass(frozen=True, eq=False)
 class CondensedLoad:
-    """A load f (n,), taken over to the kept unknowns.
+    """A load f, taken over to the kept unknowns."""
 
-    Attributes
-    ----------
-    load : array (n,)
-    force : array (k,)
-        ``f_C - K_CI K_II^-1 f_I``.
-    work : float
-        ``f_I' K_II^-1 f_I``.
-    inner : array (n - k,) or None
-        What a sweep through one half of the factors has left of the load of the other unknowns, if it was one.
-    """
-
-    load: Array
-    force: Array
-    work: float
-    inner: Array | None = None
+    load: Array  # (n,)
+    force: Array  # (k,): ``f_C - K_CI K_II^-1 f_I``
+    work: float  # ``f_I' K_II^-1 f_I``
+    inner: Array | None = (
+        None  # (n - k,): what a sweep through one half of the factors leaves of the rest, if it was one
+    )
 
 
 def singular_interior() -> ProblemError:

@@ -1,4 +1,4 @@
-"""Whether a stiffness matrix is positive definite, by its numbers.
+"""Whether a stiffness matrix is positive definite: its lowest eigenvalue or Rayleigh quotient, by its numbers.
 
 All eigenvalues are those of ``D^-1/2 K D^-1/2``, D the diagonal of K, so that units and scale do not matter.  Rounding
 moves them by about :func:`rounding`; what lies within that of zero counts as zero, neither definite nor indefinite.
@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.linear.products import portions, product
 
 __all__ = [
+    "DENSE",
     "below_zero",
     "indefinite",
     "lowest_quotient",
@@ -25,7 +26,8 @@ __all__ = [
     "rounding",
 ]
 
-_DENSE = 400
+#: Unknowns up to which all eigenvalues are computed: as many as levels have where they are solved densely.
+DENSE = 400
 #: What rounding in the entries may amount to, in units of the last place of the largest row.
 _ULPS = 64.0
 
@@ -52,7 +54,7 @@ def lowest_quotient(matrix: sp.csr_array, steps: int = 40) -> float:
     n = root.size
     if n == 0:
         return 1.0
-    if n <= _DENSE:
+    if n <= DENSE:
         _, vectors = np.linalg.eigh(matrix.toarray() / np.outer(root, root))
         return quotient(matrix, vectors[:, 0] / root, diagonal)
     scaled = spla.LinearOperator((n, n), matvec=lambda x: (matrix @ (x.ravel() / root)) / root, dtype=float)
@@ -106,12 +108,12 @@ def indefinite(matrix: sp.csr_array) -> float | None:
     diagonal = matrix.diagonal()
     root = np.sqrt(diagonal)
     n = root.size
-    if n <= _DENSE:
-        found = lowest_quotient(matrix)
-        return found if found < -guard else None
+    if n <= DENSE:
+        lowest = lowest_quotient(matrix)
+        return lowest if lowest < -guard else None
     shifted = sp.csc_array(matrix + sp.diags_array(guard * diagonal))
     options = {"SymmetricMode": True, "Equil": False}
-    found = 0.0
+    lowest = 0.0
     try:
         factor = spla.splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         if positive_pivots(factor):
@@ -120,12 +122,12 @@ def indefinite(matrix: sp.csr_array) -> float | None:
         inverse = spla.LinearOperator((n, n), matvec=lambda x: root * factor.solve(root * x.ravel()), dtype=float)
         start = np.random.default_rng(13).standard_normal(n)
         _, vectors = spla.eigsh(inverse, k=1, which="SA", v0=start, tol=1e-3)
-        found = quotient(matrix, vectors[:, 0] / root, diagonal)
+        lowest = quotient(matrix, vectors[:, 0] / root, diagonal)
     except (RuntimeError, spla.ArpackError):
         pass
-    if found >= -guard:
-        found = lowest_quotient(matrix, 200)
-    return found if found < -guard else None
+    if lowest >= -guard:
+        lowest = lowest_quotient(matrix, 200)
+    return lowest if lowest < -guard else None
 
 
 def below_zero(matrix: sp.csr_array, eigenvalue: float, diagonal: Array | None = None) -> float | None:

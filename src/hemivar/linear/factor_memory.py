@@ -1,4 +1,4 @@
-"""How much memory a condensation will take, and how much there is."""
+"""How much memory a condensation will take (fill-in of the factors, Schur complement), and how much there is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sparse factorisations with a Schur complement: SuperLU of SciPy, PARDISO where it is installed."""
+"""Sparse direct solvers with a Schur complement: SuperLU of SciPy, PARDISO where it is installed."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ class _TriangularFactors:
     sweeps: PanelSweeps  # through L and its transpose
     pivots: Array  # (n - k,): D on the unknowns I; on the kept ones it is the Schur complement
     order: IntArray  # (n,): the unknown in each place
-    place: IntArray  # (k,): which of the kept unknowns stands in each of the last places
+    permutation: IntArray  # (k,): which of the kept unknowns stands in each of the last places
     back: IntArray  # (n,): the place of each unknown
 
     def forward(self, load: Array) -> CondensedLoad:
@@ -199,15 +199,15 @@ class _TriangularFactors:
         swept = load.take(self.order)
         self.sweeps.forward(swept)
         first = self.pivots.size
-        inner, force = swept[:first], np.empty(self.place.size)
-        force[self.place] = swept[first:]
+        inner, force = swept[:first], np.empty(self.permutation.size)
+        force[self.permutation] = swept[first:]
         scaled = inner / self.pivots
         return CondensedLoad(load, force, float(inner @ scaled), scaled)
 
     def backward(self, reduced: CondensedLoad, kept: Array) -> Array:
         """``L'^-1`` of what the other sweep has left, values of the kept unknowns (k,) given."""
         assert reduced.inner is not None
-        x = np.concatenate([reduced.inner, kept.take(self.place)])
+        x = np.concatenate([reduced.inner, kept.take(self.permutation)])
         self.sweeps.backward(x)
         return x.take(self.back)
 

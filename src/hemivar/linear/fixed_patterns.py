@@ -1,4 +1,4 @@
-"""What holding and adding on a mesh changes in the matrices of the algebraic levels below, on the patterns they have.
+"""Galerkin products on fixed sparsity patterns: how algebraic levels follow what is held and added on a mesh.
 
 With R the prolongation at the contact unknowns, I what their rows are times the prolongation, D ones where they are
 held, K the matrix between them and S what is added there, the coarse matrix changes by ``-(R'X + X'R)``, where
@@ -40,8 +40,8 @@ class _Pattern:
 
     @staticmethod
     def of(matrix: sp.csr_array) -> _Pattern:
-        found = narrow(matrix)
-        return _Pattern(found.shape[1], found.indptr, found.indices)
+        matrix = narrow(matrix)
+        return _Pattern(matrix.shape[1], matrix.indptr, matrix.indices)
 
     @staticmethod
     def of_product(left: sp.csr_array, right: sp.csr_array) -> _Pattern:
@@ -134,14 +134,14 @@ class _CoarseLevel:
         of_row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
         diagonal = np.flatnonzero(of_row == matrix.indices)
         (q, n), sums = reach.shape, float(np.diff(images.indptr) @ np.diff(reach.indptr))
-        found: _Reach | _DenseReach
+        contact_reach: _Reach | _DenseReach
         if float(rows.size) * q * n <= _DENSE * sums:
-            found = _DenseReach(reach.toarray(), images.toarray(), np.repeat(rows, lengths) * n + columns)
+            contact_reach = _DenseReach(reach.toarray(), images.toarray(), np.repeat(rows, lengths) * n + columns)
         else:
-            held = np.repeat(np.arange(q), np.diff(images.indptr))
+            image_rows = np.repeat(np.arange(q), np.diff(images.indptr))
             own = _Pattern(n, first.astype(np.int32), columns)
-            found = _Reach(reach, images, held, narrow(back[rows]), own)
-        return _CoarseLevel(matrix, diagonal, found, entries, (turned.data - 1.0).astype(np.int64))
+            contact_reach = _Reach(reach, images, image_rows, narrow(back[rows]), own)
+        return _CoarseLevel(matrix, diagonal, contact_reach, entries, (turned.data - 1.0).astype(np.int64))
 
     def changed(self, half: Array, before: Array) -> Array:
         """The numbers of the matrix with a half of a change, and its transpose; unknowns that nothing is left of keep

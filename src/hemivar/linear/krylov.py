@@ -1,5 +1,7 @@
-"""Krylov methods for the linear problems of a nonsmooth method: conjugate gradients, which may stop early and may meet
-indefinite matrices, and minimal residuals for matrices that are not symmetric."""
+"""Krylov methods of a nonsmooth iteration: conjugate gradients (CG) that may stop early, and minimal residuals (GMRES).
+
+Conjugate gradients may meet indefinite matrices; minimal residuals are for matrices that are not symmetric.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +18,7 @@ from hemivar.linear.vectors import WHOLE, Vectors
 
 __all__ = ["Descent", "Matrix", "conjugate_gradients", "minimal_residuals"]
 
+#: Part of the curvature of the diagonal that is none: sums of some thousand products round to that.
 _FLAT = 1e-12
 #: Entries from which compiled sums are worth their call.
 _LONG = 4096

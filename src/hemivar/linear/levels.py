@@ -1,4 +1,4 @@
-"""Stiffness matrices from coarse to fine, and the multigrid cycle on them that leaves some contact unknowns alone.
+"""Multigrid levels: stiffness matrices from coarse to fine, and the V-cycle that leaves some contact unknowns alone.
 
 On a hierarchy of nested meshes a coarse unknown is left out of the cycle where most of the contact unknowns that it
 reaches are held at a kink.  The coarse functions that are kept are cut off at the held ones: this changes few of them,
@@ -31,7 +31,9 @@ __all__ = ["COARSEST", "LevelMatrix", "Levels", "Preconditioner", "Transfer", "T
 #: Unknowns that the coarsest level, which is solved densely, should have at most.
 COARSEST = 400
 
+#: Part of the largest eigenvalue of a scaled matrix below which it is singular: half the digits of one that is summed.
 _PIVOT = 1e-10
+#: How many times stiffer than the body a law makes a contact unknown before its points are smoothed beforehand.
 _STIFF = 2.0
 #: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
 #: of a node on a line, two on a plane.
@@ -76,13 +78,13 @@ class Levels:
         reached, chained = np.zeros(0, dtype=np.int64), sp.csr_array((0, 0))
         for k in range(len(matrices) - 1, -1, -1):
             contact = np.union1d(reached, contacts[k]).astype(np.int64)
-            place, own = np.searchsorted(contact, reached), np.searchsorted(contact, contacts[k])
+            position, own = np.searchsorted(contact, reached), np.searchsorted(contact, contacts[k])
             group = np.full(contact.size, -1)
             group[own] = points[k]
             group[group < 0] = group.max(initial=-1) + 1 + np.arange(np.count_nonzero(group < 0))
             shape = (group.size, int(group.max(initial=-1)) + 1)
             member = sp.csr_array((np.ones(group.size), (np.arange(group.size), group)), shape=shape)
-            coupling = sp.csr_array(_placed(chained, place, contact.size) + member @ member.T)
+            coupling = sp.csr_array(_placed(chained, position, contact.size) + member @ member.T)
             levels.insert(0, Level(matrices[k], contact, coupling))
             self.own.insert(0, own)
             self.points.insert(0, group)
@@ -145,12 +147,12 @@ class Levels:
             borrowed = self._idle.pop()  # which no two threads do at once
         except IndexError:
             return Truncated(self, top)
-        borrowed.top = top
-        borrowed.begin()
+        borrowed.lend(self, top)
         return borrowed
 
     def give_back(self, borrowed: Truncated) -> None:
         """Take back what nobody changes any more."""
+        borrowed.let_go()
         self._idle.append(borrowed)
 
     @property
@@ -187,10 +189,10 @@ class Levels:
 
     def blocks(self, k: int) -> Points:
         """The contact unknowns of a level in blocks of one contact point each; found when they are first needed."""
-        found = self._blocks.get(k)
-        if found is None:  # two threads may both find them
-            found = self._blocks[k] = Points(self.levels[k], self.points[k])
-        return found
+        blocks = self._blocks.get(k)
+        if blocks is None:  # two threads may both find them
+            blocks = self._blocks[k] = Points(self.levels[k], self.points[k])
+        return blocks
 
     @cached_property
     def _whole(self) -> Truncated:
@@ -292,6 +294,15 @@ class Truncated:
         # Without patterns that are known the compiled levels could not follow.
         follows = levels.compiled is not None and (not levels.algebraic or levels.fixed_change is not None)
         self._compiled = CompiledTruncation(levels.compiled) if levels.compiled is not None and follows else None
+
+    def lend(self, levels: Levels, top: int) -> None:
+        """To another solve on these levels, from whose matrices the copies were made."""
+        self._levels, self.top = levels, top
+        self.begin()
+
+    def let_go(self) -> None:
+        """Know no levels: in a circle of references their memory would wait for Python's collector."""
+        del self._levels
 
     def begin(self) -> None:
         """Forget, for another solve, how far algebraic levels have followed: its bits depend on nothing before it."""
@@ -462,10 +473,10 @@ class Truncated:
             return None
         if self._room is None:
             self._room = known.root.copy(order="C")
-        root, place, inner = self._room, changed.level.contact[kept], known.inner.size
+        root, unknowns, inner = self._room, changed.level.contact[kept], known.inner.size
         root[:, inner:] = 0.0
         root[known.inner, inner : inner + kept.size] = -known.follows[:, kept] @ upper
-        root[place, inner : inner + kept.size] = upper
+        root[unknowns, inner : inner + kept.size] = upper
         out = changed.level.contact[changed.held]
         root[out, np.arange(inner + kept.size, len(root))] = 1.0
         return root
@@ -512,17 +523,17 @@ class Preconditioner:
             self._slow = self._slow + 1 if size > _SLOW * self._before else 0
             self._before = size
         if self._slow < _PATIENCE:
-            found = self._truncated.fast_cycle(self._k, right)
-            if 0.0 < float(right @ found) < np.inf or not right.any():  # which nan is not
-                return found
+            correction = self._truncated.fast_cycle(self._k, right)
+            if 0.0 < float(right @ correction) < np.inf or not right.any():  # which nan is not
+                return correction
             self._slow = _PATIENCE
         return self._truncated.cycle(self._k, right)
 
 
-def _placed(matrix: sp.csr_array, place: IntArray, count: int) -> sp.csr_array:
+def _placed(matrix: sp.csr_array, position: IntArray, count: int) -> sp.csr_array:
     """A small matrix with its rows and columns moved to other numbers."""
     entries = matrix.tocoo()
-    return sp.csr_array((entries.data, (place[entries.row], place[entries.col])), shape=(count, count))
+    return sp.csr_array((entries.data, (position[entries.row], position[entries.col])), shape=(count, count))
 
 
 def _upper_root(matrix: Array) -> Array | None:

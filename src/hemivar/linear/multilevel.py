@@ -1,4 +1,4 @@
-"""A hierarchy of matrices and the transfers between them: a solver, and a preconditioner for anybody's iteration."""
+"""A multigrid hierarchy of matrices and transfers: a solver, and a preconditioner for anybody's Krylov iteration."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["GridLevel", "Hierarchy"]
 
+#: Part of the load that a coarser level leaves of its solution, which is a start on the next one.
 _NESTED = 1e-3
-_ITERATIONS = 100
 
 
 def _regular(n: int, near: Array | None) -> NodeSlots:
@@ -36,20 +36,11 @@ def _regular(n: int, near: Array | None) -> NodeSlots:
 
 @dataclass(frozen=True, eq=False)
 class GridLevel:
-    """One level of a hierarchy.
+    """One level of a hierarchy; the coarsest has no transfers."""
 
-    Attributes
-    ----------
-    A : sparse array, shape (n, n)
-    P : sparse array, shape (n, n_coarse), or None
-        Prolongation from the next coarser level; None on the coarsest.
-    R : sparse array, shape (n_coarse, n), or None
-        Restriction, its transpose.
-    """
-
-    A: sp.csr_array
-    P: sp.csr_array | None = None
-    R: sp.csr_array | None = None
+    A: sp.csr_array  # (n, n)
+    P: sp.csr_array | None = None  # (n, n_coarse): prolongation from the next coarser level
+    R: sp.csr_array | None = None  # (n_coarse, n): restriction, its transpose
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,5 +171,5 @@ class Hierarchy:
             return x, 0
         diagonal = stack.diagonal(top)
         cycle = stack.preconditioner(top)
-        found = conjugate_gradients(A, diagonal, rest, cycle, size, _ITERATIONS, flexible=cycle.flexible)
-        return x + found.solution, found.iterations
+        descent = conjugate_gradients(A, diagonal, rest, cycle, size, 100, flexible=cycle.flexible)
+        return x + descent.solution, descent.iterations

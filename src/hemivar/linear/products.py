@@ -1,4 +1,4 @@
-"""Products and diagonals of sparse matrices, where those of SciPy take longer than they need to."""
+"""Sparse matrix-vector products and diagonals, where those of SciPy take longer than they need to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SuperLU's factors, made where Ctrl-C is answered, and given back where they were made."""
+"""SuperLU's sparse factors, made where Ctrl-C is answered, and given back where they were made."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class _Maker:
 
         The library cannot be stopped in the middle.  Python must not shut down beside it: the end of the process waits.
         """
-        done, found, failed = threading.Event(), [], []  # type: ignore[var-annotated]
+        done, factors, failed = threading.Event(), [], []  # type: ignore[var-annotated]
 
         def run() -> None:
             try:
-                found.append(work())
+                factors.append(work())
             except BaseException as error:
                 failed.append(error)
             done.set()
@@ -66,7 +66,7 @@ class _Maker:
             raise
         if failed:
             raise failed[0]
-        return found
+        return factors
 
     def drop(self, made: list[spla.SuperLU]) -> None:
         """Empty a list of factors that were made here."""
@@ -95,11 +95,7 @@ def abandoned_work() -> bool:
 class LUFactors:
     """Factors of a matrix (n, n); what they hold is given back with them.
 
-    Attributes
-    ----------
-    n : int
-    columns, rows : array (n,)
-        Permutations: where columns and rows of the matrix have gone.
+    ``columns, rows (n,)``: permutations, where those of the matrix have gone.
     """
 
     def __init__(self, made: list[spla.SuperLU], maker: _Maker | None = None) -> None:
@@ -133,12 +129,7 @@ class LUFactors:
 def superlu(matrix: sp.csc_array, ordering: str) -> LUFactors:
     """The factors of a symmetric matrix, ``ordering`` as for :func:`scipy.sparse.linalg.splu`.
 
-    Raises
-    ------
-    ProblemError
-        It is singular.
-    MemoryError
-        The factors need more memory than there is.
+    Raises ProblemError: it is singular; MemoryError: the factors need more memory than there is.
     """
     global _maker
 

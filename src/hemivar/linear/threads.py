@@ -1,4 +1,4 @@
-"""One thread for dense linear algebra while multigrid works: its dense matrices are too small to be shared out."""
+"""One BLAS thread for dense linear algebra while multigrid works: its dense matrices are too small to be shared out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One level of a hierarchy, and the rows of its contact unknowns, which a solve changes."""
+"""Truncation of one multigrid level: the rows of its contact unknowns, which a solve holds and changes."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Coupling:
         """Which of the places (p,) are in these rows and columns, (q,) each."""
         return np.asarray(np.searchsorted(self.keys, rows * self.size + columns))
 
-    def values(self, matrix: sp.csr_array, place: IntArray) -> Array:
-        """The entries (p,) of a matrix whose rows and columns are the contact unknowns ``place``."""
+    def values(self, matrix: sp.csr_array, position: IntArray) -> Array:
+        """The entries (p,) of a matrix whose rows and columns are the contact unknowns ``position``."""
         entries = matrix.tocoo()
-        found = np.zeros(self.keys.size)
-        np.add.at(found, self.places(place[entries.row], place[entries.col]), entries.data)
-        return found
+        values = np.zeros(self.keys.size)
+        np.add.at(values, self.places(position[entries.row], position[entries.col]), entries.data)
+        return values
 
     def matrix(self, values: Array) -> sp.csr_array:
         """The matrix (k, k) with these entries."""
@@ -123,11 +123,11 @@ class Points:
         _, number = np.unique(points, return_inverse=True)
         order = np.argsort(number, kind="stable")
         start = np.searchsorted(number[order], np.arange(number.max() + 1))
-        place = np.empty_like(number)
-        place[order] = np.arange(number.size) - start[number[order]]
-        self.size, self.count = int(place.max()) + 1, int(number.max()) + 1
+        position = np.empty_like(number)
+        position[order] = np.arange(number.size) - start[number[order]]
+        self.size, self.count = int(position.max()) + 1, int(number.max()) + 1
         #: The row of each contact unknown in the blocks.
-        self.slots = slots = number * self.size + place
+        self.slots = slots = number * self.size + position
         inside = np.full(level.matrix.shape[0], -1)
         inside[level.contact] = np.arange(level.contact.size)
         column = inside[level.columns]

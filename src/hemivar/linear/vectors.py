@@ -1,4 +1,4 @@
-"""Vectors that lie in one piece, or in parts on many machines: what only all parts together can answer.
+"""Distributed vectors, in one piece or in parts on many machines: the sums and norms that all parts answer together.
 
 A vector is an array of the entries that this process has; sums and multiples of vectors are those of NumPy.  Whatever a
 method decides by goes through :class:`Vectors`, so that all processes decide alike.

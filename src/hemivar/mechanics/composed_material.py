@@ -215,16 +215,16 @@ class LowerElasticity(Material):
         return self.material.bounds_by
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        found = self.material.lower_tensor(points, regions)
-        at = found[:1] if self.homogeneous else found
+        tensors = self.material.lower_tensor(points, regions)
+        at = tensors[:1] if self.homogeneous else tensors
         zero = ~(np.linalg.eigvalsh(at)[:, 0] > 1e-14 * np.abs(at).max(axis=(1, 2)))
         if zero.any():
-            place = points[int(zero.argmax())].tolist()
+            point = points[int(zero.argmax())].tolist()
             raise ProblemError(
-                f"the stiffness of the material has no known lower bound at x = {place}, so margins and distances "
+                f"the stiffness of the material has no known lower bound at x = {point}, so margins and distances "
                 f"are not available; give a material whose stress grows at every strain"
             )
-        return found
+        return tensors
 
     @property
     def reach(self) -> float:
@@ -273,4 +273,4 @@ def lower_elasticity(material: Material) -> Material:
 
 def _least_certain(ways: Iterable[BoundsBy]) -> BoundsBy:
     order = list(BoundsBy)
-    return order[max(order.index(way) for way in ways)]
+    return order[max(order.index(kind) for kind in ways)]

@@ -250,8 +250,8 @@ class DataField:
                 f"{self.name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
             )
         given = (points, time) if depends_on_time(self.value) else (points,)
-        found = answer(self.value, given, self.name, f"give a function of points, shape {points.shape}")
-        return _checked_result(found, shape, points, self.name, vector)
+        values = answer(self.value, given, self.name, f"give a function of points, shape {points.shape}")
+        return _checked_result(values, shape, points, self.name, vector)
 
 
 def _checked_result(

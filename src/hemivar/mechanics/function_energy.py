@@ -86,13 +86,13 @@ class RelativeEnergy(StoredEnergy):
             )
         return tangent
 
-    def _checked(self, found: FoundRange, dim: int) -> FoundRange:
-        if found.concave:
+    def _checked(self, tangents: FoundRange, dim: int) -> FoundRange:
+        if tangents.concave:
             raise ProblemError(
-                f"the energy is not convex: at the strain {strain_text(found.least_at, dim)} its tangent has the "
-                f"eigenvalue {found.least:.6g}, relative to zero strain; take a smaller reach, or another energy"
+                f"the energy is not convex: at the strain {strain_text(tangents.least_at, dim)} its tangent has the "
+                f"eigenvalue {tangents.least:.6g}, relative to zero strain; take a smaller reach, or another energy"
             )
-        return found
+        return tangents
 
 
 @known_fields
@@ -148,18 +148,18 @@ class FunctionEnergy(RelativeEnergy):
         return BoundsBy.SAMPLED
 
     def _called(self, function: Callable[[Array], object], strain: Array, shape: tuple[int, ...], name: str) -> Array:
-        found = real_array(function(strain), f"{name} of the material", finite=False)
-        if found.shape != shape:
+        values = real_array(function(strain), f"{name} of the material", finite=False)
+        if values.shape != shape:
             raise ProblemError(
-                f"the function of the {name} returned shape {found.shape} for strains of shape {strain.shape}; it must "
-                f"return shape {shape}"
+                f"the function of the {name} returned shape {values.shape} for strains of shape {strain.shape}; it "
+                f"must return shape {shape}"
             )
-        bad = ~np.isfinite(found.reshape(len(strain), -1)).all(axis=1)
+        bad = ~np.isfinite(values.reshape(len(strain), -1)).all(axis=1)
         if bad.any():
             dim = 2 if strain.shape[1] == 3 else 3
             where = strain_text(strain[int(np.argmax(bad))] / np.diag(once(dim)), dim)
             raise ProblemError(f"the function of the {name} is not finite at the strain {where}; correct it")
-        return found
+        return values
 
     def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         return self._called(self.value, strain, (len(strain),), "energy")

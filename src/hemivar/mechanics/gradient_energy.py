@@ -81,10 +81,10 @@ class GradientEnergy(PickleMixin, ABC):
     def tangent(self, points: Array, strain: Array) -> Array:
         """Derivatives (k, d, d) of the flux."""
         size = np.linalg.norm(strain, axis=1)
-        found = self.profile(size)
+        profile = self.profile(size)
         along = strain / np.where(size > 0.0, size, 1.0)[:, None]
-        bent = (found.slope - found.secant)[:, None, None] * along[:, :, None] * along[:, None, :]
-        return np.asarray(found.secant[:, None, None] * np.eye(strain.shape[1]) + bent)
+        bent = (profile.slope - profile.secant)[:, None, None] * along[:, :, None] * along[:, None, :]
+        return np.asarray(profile.secant[:, None, None] * np.eye(strain.shape[1]) + bent)
 
     def lower_tensor(self, points: Array) -> Array:
         """Matrices (k, d, d) below all derivatives of the flux."""

@@ -70,8 +70,8 @@ class GradientMaterial(Material):
         self._check_rates()
 
     def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
-        told = {what: getattr(part, "text", None) or str(part) for what, part in self._parts.items()}
-        return MaterialDescription(self.scalar.value, "flux = A grad u", told, self.linear)
+        constants = {what: getattr(part, "text", None) or str(part) for what, part in self._parts.items()}
+        return MaterialDescription(self.scalar.value, "flux = A grad u", constants, self.linear)
 
     def _check_rates(self) -> None:
         heat = self.scalar is ScalarKind.HEAT
@@ -204,11 +204,11 @@ def _tensors(value: Coefficient, points: Array, what: str) -> Array:
     good = np.isfinite(size) & (lowest > 0.0) & (size < LARGEST) & (size > 1.0 / LARGEST)
     if not good.all():
         bad = int(np.flatnonzero(~good)[0])
-        place = "" if constant or len(good) < k else f" at x = {points[bad].tolist()}"
+        where = "" if constant or len(good) < k else f" at x = {points[bad].tolist()}"
         shown = f"{numbers[bad]:g}" if plain else f"{numbers[bad].tolist()}"
         must = "be positive" if plain else "be symmetric and positive definite"
         raise ProblemError(
-            f"the {what} is {shown}{place}; it must {must}, between {1.0 / LARGEST:.0e} and {LARGEST:.0e}"
+            f"the {what} is {shown}{where}; it must {must}, between {1.0 / LARGEST:.0e} and {LARGEST:.0e}"
         )
     return np.broadcast_to(numbers[:, None, None] * np.eye(dim) if plain else numbers, (k, dim, dim))
 

@@ -83,23 +83,23 @@ def check_material(
         )
     else:
         size = min(material.reach, _LARGEST) if reach is None else reach
-        found = [failures_of(_Checker(material, dim, size, seed).steps()) for dim in _dims(material)]
-        checks, failures = (tuple(one for part in parts for one in part) for parts in zip(*found, strict=True))
+        results = [failures_of(_Checker(material, dim, size, seed).steps()) for dim in _dims(material)]
+        checks, failures = (tuple(one for part in parts for one in part) for parts in zip(*results, strict=True))
         report = MaterialReport(getattr(material, "kind", type(material).__name__), checks, failures)
     return report.or_raised(raises)
 
 
 def _dims(material: Material) -> Sequence[int]:
     """The dimensions in which a material answers; both if it answers in none, so that the kit says why."""
-    found = []
+    dims = []
     for dim in (2, 3):
         try:
             at = np.full((1, dim), 0.5)
             material.lower_tensor(at), material.tangent(at, np.zeros((1, dim * (dim + 1) // 2)))
         except (ProblemError, ValueError, IndexError):
             continue
-        found.append(dim)
-    return found or (2, 3)
+        dims.append(dim)
+    return dims or (2, 3)
 
 
 def _shorter_by_across(strain: Array) -> Array:
@@ -121,9 +121,9 @@ class _Checker:
             strain = _shorter_by_across(strain)
         random = np.random.default_rng(seed)
         self.points = random.uniform(0.0, 1.0, (len(strain), dim))
-        way = random.normal(size=strain.shape) @ once(dim)
-        sizes = np.linalg.norm(strain, axis=1) / np.linalg.norm(way, axis=1)
-        self.strain, self.step = 0.98 * strain, _STEP * sizes[:, None] * way
+        direction = random.normal(size=strain.shape) @ once(dim)
+        sizes = np.linalg.norm(strain, axis=1) / np.linalg.norm(direction, axis=1)
+        self.strain, self.step = 0.98 * strain, _STEP * sizes[:, None] * direction
 
     def steps(self) -> list[Step]:
         where = "in the plane" if self.dim == 2 else "in space"

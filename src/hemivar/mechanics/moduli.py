@@ -216,9 +216,9 @@ class Branch(PickleMixin):
     time: float = field(metadata=stated(Form.NUMBER, "the relaxation time", above=0.0))
 
     def __post_init__(self) -> None:
-        ways = [way for way in ("lame", "young", "tensor") if getattr(self, way) is not None]
-        if len(ways) != 1 or (self.poisson is None) != (self.young is None):
-            given = " and ".join([*ways, *(["poisson"] if self.poisson is not None else [])]) or "nothing"
+        keys = [key for key in ("lame", "young", "tensor") if getattr(self, key) is not None]
+        if len(keys) != 1 or (self.poisson is None) != (self.young is None):
+            given = " and ".join([*keys, *(["poisson"] if self.poisson is not None else [])]) or "nothing"
             raise ProblemError(f"a branch is given by {given}; give lame, or young and poisson, or tensor")
         time = self.time
         if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not 0.0 < time < np.inf:

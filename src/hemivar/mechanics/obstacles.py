@@ -20,6 +20,7 @@ from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, DataField, check_finite
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
@@ -280,24 +281,24 @@ class SignedDistance(Obstacle):
         self.normals(points)  # checks
         distance = self.distance(points)
         extent = _extent(points) + float(np.abs(distance).max(initial=0.0))
-        way, result = np.zeros(len(points)), np.full(len(points), np.inf)
+        travel, result = np.zeros(len(points)), np.full(len(points), np.inf)
         active = np.arange(len(points))
         # No point of the obstacle's surface is nearer than the distance: steps of that size never cross it.
         for _ in range(_MARCH):
-            step = self.distance(points[active] + way[active, None] * directions[active])
-            way[active] += step
-            active = active[(np.abs(step) > 1e-3 * extent) & (np.abs(way[active]) < 4.0 * extent)]
+            step = self.distance(points[active] + travel[active, None] * directions[active])
+            travel[active] += step
+            active = active[(np.abs(step) > 1e-3 * extent) & (np.abs(travel[active]) < 4.0 * extent)]
             if active.size == 0:
                 break
-        active = np.flatnonzero(np.abs(way) < 4.0 * extent)
+        active = np.flatnonzero(np.abs(travel) < 4.0 * extent)
         for _ in range(_NEWTON):
-            place = points[active] + way[active, None] * directions[active]
-            approach = -np.einsum("kd,kd->k", self._slope(place), directions[active])
-            left = self.distance(place)
+            point = points[active] + travel[active, None] * directions[active]
+            approach = -np.einsum("kd,kd->k", self._slope(point), directions[active])
+            left = self.distance(point)
             landed = (np.abs(left) <= _LANDED * extent) & (approach > 0.0)
-            result[active[landed]] = way[active[landed]] + left[landed] / approach[landed]
+            result[active[landed]] = travel[active[landed]] + left[landed] / approach[landed]
             going = ~landed & (approach > 0.0)
-            way[active[going]] += left[going] / approach[going]
+            travel[active[going]] += left[going] / approach[going]
             active = active[going]
             if active.size == 0:
                 break
@@ -384,8 +385,7 @@ def _holds(mesh: Mesh, point: Array) -> bool:
         return False
     # on the outer boundary the point is not inside: some facet that holds it belongs to one cell only
     outer = mesh.points[mesh.boundary_facets]
-    normals, _ = mesh.facet_normals(mesh.boundary_facets)
-    height = np.abs(np.einsum("kd,kd->k", normals, point - outer[:, 0]))
+    height = np.abs(np.einsum("kd,kd->k", boundary_rule(mesh, None).normals, point - outer[:, 0]))
     slack = 1e-9 * float((high - low).max())
     boxed = ((outer.min(axis=1) - slack <= point) & (point <= outer.max(axis=1) + slack)).all(axis=1)
     return not bool((boxed & (height <= slack)).any())
@@ -423,9 +423,9 @@ def _round_normal(arm: Array, points: Array, radius: float, inside: bool, middle
     size = np.linalg.norm(arm, axis=1)
     lost = size <= _ON_SURFACE * radius
     if lost.any():
-        place = points[int(np.flatnonzero(lost)[0])].tolist()
+        point = points[int(np.flatnonzero(lost)[0])].tolist()
         raise ProblemError(
-            f"the contact point x = {place} lies at the {middle}, where the obstacle has no normal; move the obstacle"
+            f"the contact point x = {point} lies at the {middle}, where the obstacle has no normal; move the obstacle"
         )
     unit = arm / size[:, None]
     return np.asarray(-unit if inside else unit)
@@ -443,10 +443,10 @@ def _round_along(arm: Array, directions: Array, radius: float, inside: bool) -> 
     root = np.sqrt(np.where(meets, discriminant, 1.0))
     # Vieta's form of the root that would be a difference of like numbers
     if inside:
-        way = np.where(b > 0.0, -c / np.where(meets, b + root, 1.0), (root - b) / np.where(meets, a, 1.0))
+        travel = np.where(b > 0.0, -c / np.where(meets, b + root, 1.0), (root - b) / np.where(meets, a, 1.0))
     else:
-        way = np.where(b < 0.0, c / np.where(meets, root - b, 1.0), -(b + root) / np.where(meets, a, 1.0))
-    return np.where(meets, way, np.inf)
+        travel = np.where(b < 0.0, c / np.where(meets, root - b, 1.0), -(b + root) / np.where(meets, a, 1.0))
+    return np.where(meets, travel, np.inf)
 
 
 def _direction(value: object, dim: int, name: str) -> Array:

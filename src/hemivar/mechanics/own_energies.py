@@ -131,17 +131,17 @@ class FormulaEnergy(InvariantEnergy):
     def invariants(self, points: Array, p: Array, s: Array) -> Invariants:
         at = {"tr": p, "dev2": s}
         with np.errstate(all="ignore"):
-            found = [
+            values = [
                 np.broadcast_to(np.asarray(self._graph.value(node, at), dtype=float), p.shape) for node in self._nodes
             ]
-        bad = ~np.isfinite(found).all(axis=0)
+        bad = ~np.isfinite(values).all(axis=0)
         if bad.any():
             i = int(np.argmax(bad))
             raise ProblemError(
                 f"energy: formula '{shown(self.text)}' or a derivative is not finite at tr = {p[i]:.6g}, dev2 = "
                 f"{s[i]:.6g}; give one that is finite there"
             )
-        value, by_p, by_s, pp, ps, ss = found
+        value, by_p, by_s, pp, ps, ss = values
         return Invariants(value, by_p, by_s, pp, ps, ss)
 
     def bounds(self, points: Array) -> IsotropicBounds:
@@ -170,9 +170,9 @@ class FormulaEnergy(InvariantEnergy):
         if self._graph.constant(self._nodes[4]):
             bulk, shear = one(0), one(2)
             self._refuse_concave(bulk, shear)
-            way = BoundsBy.INTERVALS if bulk.proved and shear.proved else BoundsBy.SAMPLED
+            proof = BoundsBy.INTERVALS if bulk.proved and shear.proved else BoundsBy.SAMPLED
             numbers = (bulk.lower / 3.0, 0.5 * shear.lower, bulk.upper / 3.0, 0.5 * shear.upper)
-            return IsotropicBounds(*(np.array([number]) for number in numbers)), way
+            return IsotropicBounds(*(np.array([number]) for number in numbers)), proof
         zero = self.invariants(np.zeros((1, 3)), np.zeros(1), np.zeros(1))
         first = np.array([3.0 * zero.pp[0], 2.0 * zero.s[0]])
         if not (first > 0.0).all():
@@ -196,12 +196,12 @@ class FormulaEnergy(InvariantEnergy):
             return np.where(sure, ends[0], -np.inf), np.where(sure, ends[1], np.inf)
 
         # the range of all eigenvalues: the smallest from below, the largest from above
-        found = FoundRange(enclosed_range(relative, low, high, inside), ROUNDING)
-        self._refuse_concave(found, found)
-        ends = (found.lower, found.lower, found.upper, found.upper)
+        tangents = FoundRange(enclosed_range(relative, low, high, inside), ROUNDING)
+        self._refuse_concave(tangents, tangents)
+        ends = (tangents.lower, tangents.lower, tangents.upper, tangents.upper)
         relative_to = (first[0] / 3.0, 0.5 * first[1], first[0] / 3.0, 0.5 * first[1])
-        way = BoundsBy.INTERVALS if found.proved else BoundsBy.SAMPLED
-        return IsotropicBounds(*(np.array([end * of]) for end, of in zip(ends, relative_to, strict=True))), way
+        proof = BoundsBy.INTERVALS if tangents.proved else BoundsBy.SAMPLED
+        return IsotropicBounds(*(np.array([end * of]) for end, of in zip(ends, relative_to, strict=True))), proof
 
     def _refuse_concave(self, *ranges: FoundRange) -> None:
         for one in ranges:
@@ -223,9 +223,9 @@ def _refuse_pole(text: str, graph: Graph, node: int, largest: Mapping[str, float
         squares = [at[:, i] ** (1.0 if name in least else 2.0) / sizes[i] for i, name in enumerate(largest)]
         return np.asarray(np.sum(squares, axis=0) <= 1.0)
 
-    found = pole_in_box(graph, node, {name: (least.get(name, -size), size) for name, size in largest.items()}, inside)
-    if found is not None:
-        raise ProblemError(f"energy: formula '{shown(text)}' {pole_words(found)}; or take a smaller reach")
+    pole = pole_in_box(graph, node, {name: (least.get(name, -size), size) for name, size in largest.items()}, inside)
+    if pole is not None:
+        raise ProblemError(f"energy: formula '{shown(text)}' {pole_words(pole)}; or take a smaller reach")
 
 
 @known_fields
@@ -271,8 +271,8 @@ class ComponentEnergy(RelativeEnergy):
         for column, which in enumerate(_OF_DIM[dim]):
             at[COMPONENTS[which]] = strain[:, column] * (0.5 if column >= dim else 1.0)
         with np.errstate(all="ignore"):
-            found = np.asarray(self._graph.value(node, at), dtype=float)
-        values = np.broadcast_to(found, (len(strain),))
+            value = np.asarray(self._graph.value(node, at), dtype=float)
+        values = np.broadcast_to(value, (len(strain),))
         bad = ~np.isfinite(values)
         if bad.any():
             where = strain_text(strain[int(np.argmax(bad))] / np.diag(once(dim)), dim)
@@ -290,19 +290,19 @@ class ComponentEnergy(RelativeEnergy):
 
     def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         dim = points.shape[1]
-        found = np.stack([self._value(node, strain) for node in self._rates(dim)], axis=1)
-        found[:, dim:] *= 0.5
-        return found
+        stress = np.stack([self._value(node, strain) for node in self._rates(dim)], axis=1)
+        stress[:, dim:] *= 0.5
+        return stress
 
     def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         dim, size = points.shape[1], strain.shape[1]
-        found = np.empty((len(strain), size, size))
+        tangent = np.empty((len(strain), size, size))
         for i, node in enumerate(self._rates(dim)):
             for j in range(i, size):
                 second = self._graph.derivative(node, COMPONENTS[_OF_DIM[dim][j]])
                 factor = (0.5 if i >= dim else 1.0) * (0.5 if j >= dim else 1.0)
-                found[:, i, j] = found[:, j, i] = factor * self._value(second, strain)
-        return found
+                tangent[:, i, j] = tangent[:, j, i] = factor * self._value(second, strain)
+        return tangent
 
     def out_of_plane_stress(
         self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None

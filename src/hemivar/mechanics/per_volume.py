@@ -94,13 +94,13 @@ def by_region(
         return function(value, name, slice(None))
     masks = {region: (regions or {})[region] for region in value}
     refuse_uncovered(masks, points, f"that the {name} names", "mesh")
-    found: Array | None = None
+    whole: Array | None = None
     for region, mask in masks.items():
         if mask.any():
             part = function(value[region], f"{name} of region '{region}'", mask)
-            found = np.zeros((len(points), *part.shape[1:])) if found is None else found
-            found[mask] = part
-    return np.zeros(0) if found is None else found
+            whole = np.zeros((len(points), *part.shape[1:])) if whole is None else whole
+            whole[mask] = part
+    return np.zeros(0) if whole is None else whole
 
 
 def refuse_uncovered(masks: Mapping[str, BoolArray], points: Array, which: str, what: str) -> None:
@@ -116,6 +116,6 @@ def refuse_uncovered(masks: Mapping[str, BoolArray], points: Array, which: str, 
 
 
 def _at(value: object, name: str, points: Array) -> Array:
-    found = DataField(value, name).at(points)
-    require(found >= 0.0, points, found, name, "must not be negative")
-    return found
+    values = DataField(value, name).at(points)
+    require(values >= 0.0, points, values, name, "must not be negative")
+    return values

@@ -167,11 +167,11 @@ class MaterialOfConstants(SingleMaterial):
         """Names of the fields that are its constants, but for those left out, and what is said of them."""
         named = {one.name: one.metadata["stated"] for one in fields(self) if "stated" in one.metadata}
         return {
-            name: said for name, said in named.items() if said.form is Form.QUANTITY and getattr(self, name) is not None
+            name: meta for name, meta in named.items() if meta.form is Form.QUANTITY and getattr(self, name) is not None
         }
 
     def stated(self) -> Mapping[str, object]:
-        words = [one for one, said in stated_fields(self).values() if said.form is Form.TEXT]
+        words = [one for one, meta in stated_fields(self).values() if meta.form is Form.TEXT]
         given = {one.name: getattr(self, one.name).value for one in words if getattr(self, one.name) != one.default}
         return {name: getattr(self, name) for name in self.constants} | given
 
@@ -181,20 +181,20 @@ class MaterialOfConstants(SingleMaterial):
 
     def at(self, points: Array, where: str | None = None) -> tuple[Array, ...]:
         """The constants at points (k, d), each (k,), checked."""
-        found = []
-        for name, said in self.constants.items():
+        values = []
+        for name, stated in self.constants.items():
             what = f"material constant {name}"
             value = DataField(getattr(self, name), what).at(points)
-            found.append(value)
-            if said.above is not None and said.below is not None:
-                inside = (value > said.above) & (value < said.below)
-                require(inside, points, value, what, f"must lie between {said.above:g} and {said.below:g}", where)
+            values.append(value)
+            if stated.above is not None and stated.below is not None:
+                inside = (value > stated.above) & (value < stated.below)
+                require(inside, points, value, what, f"must lie between {stated.above:g} and {stated.below:g}", where)
                 continue
-            least, most = said.least, np.inf if said.most is None else said.most
+            least, most = stated.least, np.inf if stated.most is None else stated.most
             if least is None:
                 require(value > 0.0, points, value, what, "must be positive", where)
                 in_range = (value < LARGEST) & (value > 1.0 / LARGEST)
                 require(in_range, points, value, what, f"{_IN_RANGE}: {self.units}", where)
             limits = f"not exceed {most:g}" if least is None else f"be {least:g} to {most:g}"
             require((value <= most) & (value >= (least or 0.0)), points, value, what, f"must {limits}", where)
-        return tuple(found)
+        return tuple(values)

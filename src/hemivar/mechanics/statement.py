@@ -43,6 +43,7 @@ from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -302,11 +303,11 @@ class ContactProblem(PickleMixin, ReprMixin):
     @cached_property
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: some of "load", "supports", "gap" and "law"; empty at rest."""
-        found = {part for contact in self.contact.values() for part in contact.time_dependent}
+        parts = {part for contact in self.contact.values() for part in contact.time_dependent}
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
-        held = chain(*(stated_values(one).values() for one in self.supports.values()))
-        found |= {"load"} if any(map(depends_on_time, loads)) else set()
-        return frozenset(found | ({"supports"} if any(map(depends_on_time, held)) else set()))
+        prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
+        parts |= {"load"} if any(map(depends_on_time, loads)) else set()
+        return frozenset(parts | ({"supports"} if any(map(depends_on_time, prescribed)) else set()))
 
     def at_time(self, t: float) -> ContactProblem:
         """The problem at a time: itself if nothing depends on time.
@@ -555,14 +556,14 @@ class ContactProblem(PickleMixin, ReprMixin):
         slave = self.contact[name].slave
         if slave:
             return (name, other) if slave == name else (other, name)
-        held = np.zeros(self.mesh.number_of_nodes, dtype=bool)
+        fixed = np.zeros(self.mesh.number_of_nodes, dtype=bool)
         for support in self.supports:
-            held[self.mesh.boundaries[support]] = True
+            fixed[self.mesh.boundaries[support]] = True
         size, share, stiff = {}, {}, {}
         for side in (name, other):
             facets, stiff[side] = self.mesh.boundaries[side], self.stiffness_at(side)
-            size[side] = float(self.mesh.facet_normals(facets)[1].mean())
-            share[side] = float(held[np.unique(facets)].mean())
+            size[side] = float(boundary_rule(self.mesh, side).weights.mean())
+            share[side] = float(fixed[np.unique(facets)].mean())
         if max(share.values()) == 1.0 > min(share.values()):
             first = min(share, key=lambda side: share[side])
         elif max(stiff.values()) > _MUCH_STIFFER * min(stiff.values()):
@@ -615,10 +616,10 @@ class ContactProblem(PickleMixin, ReprMixin):
 
 def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
     """The problem, if it is one of an elastic body."""
-    found = expect(problem, ContactProblem, what, remedy)
-    if found.kind:
+    body = expect(problem, ContactProblem, what, remedy)
+    if body.kind:
         raise ProblemError(f"{what} is a ScalarProblem; {remedy}")
-    return found
+    return body
 
 
 def beyond_stiffening(problem: ContactProblem) -> str:

@@ -220,10 +220,10 @@ class InvariantEnergy(StoredEnergy):
         todo = np.arange(len(points))
         for _ in range(_STEPS):
             at, places = strain[todo], points[todo]
-            found, deviator = self._at(places, at)
-            stress = _stress(found, deviator, 3)
+            invariants, deviator = self._at(places, at)
+            stress = _stress(invariants, deviator, 3)
             across, size = stress[:, _ACROSS], np.abs(stress).max(axis=1)
-            slope = _tangent(found, deviator, 3)[:, _ACROSS, _ACROSS]
+            slope = _tangent(invariants, deviator, 3)[:, _ACROSS, _ACROSS]
             here, reach = at[:, _ACROSS], np.abs(across) / least[todo]
             low[todo] = np.maximum(low[todo], np.where(across <= 0.0, here, here - reach))
             high[todo] = np.minimum(high[todo], np.where(across >= 0.0, here, here + reach))
@@ -258,17 +258,17 @@ def _raised(strain: Array) -> Array:
     return whole
 
 
-def _stress(found: Invariants, deviator: Array, dim: int) -> Array:
-    stress = 2.0 * found.s[:, None] * deviator
-    stress[:, :dim] += found.p[:, None]
+def _stress(invariants: Invariants, deviator: Array, dim: int) -> Array:
+    stress = 2.0 * invariants.s[:, None] * deviator
+    stress[:, :dim] += invariants.p[:, None]
     return stress
 
 
-def _tangent(found: Invariants, deviator: Array, dim: int) -> Array:
-    tangent = isotropic_matrices(found.pp - 2.0 * found.s / 3.0, found.s, dim)
-    tangent += (4.0 * found.ss)[:, None, None] * (deviator[:, :, None] * deviator[:, None, :])
-    if np.any(found.ps):
-        mixed = (2.0 * found.ps)[:, None] * deviator
+def _tangent(invariants: Invariants, deviator: Array, dim: int) -> Array:
+    tangent = isotropic_matrices(invariants.pp - 2.0 * invariants.s / 3.0, invariants.s, dim)
+    tangent += (4.0 * invariants.ss)[:, None, None] * (deviator[:, :, None] * deviator[:, None, :])
+    if np.any(invariants.ps):
+        mixed = (2.0 * invariants.ps)[:, None] * deviator
         tangent[:, :dim, :] += mixed[:, None, :]
         tangent[:, :, :dim] += mixed[:, :, None]
     return tangent

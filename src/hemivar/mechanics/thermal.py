@@ -151,12 +151,14 @@ class HeatContact(PickleMixin):
         """
         if not callable(self.conductance):
             return np.full(penetration.shape, self.conductance)
-        found = real_array(self.conductance(penetration, pressure), "the conductance", finite=False)
-        if found.shape not in ((), penetration.shape):
-            raise ProblemError(f"the conductance has shape {found.shape} at {penetration.size} points; return one each")
-        if not ((found >= 0.0) & (found < LARGEST)).all():
-            raise ProblemError(f"the conductance is {float(np.min(found)):g} at some point; it must not be negative")
-        return np.broadcast_to(found, penetration.shape)
+        values = real_array(self.conductance(penetration, pressure), "the conductance", finite=False)
+        if values.shape not in ((), penetration.shape):
+            raise ProblemError(
+                f"the conductance has shape {values.shape} at {penetration.size} points; return one each"
+            )
+        if not ((values >= 0.0) & (values < LARGEST)).all():
+            raise ProblemError(f"the conductance is {float(np.min(values)):g} at some point; it must not be negative")
+        return np.broadcast_to(values, penetration.shape)
 
 
 @dataclass(frozen=True)
@@ -358,15 +360,15 @@ class Heat(PickleMixin):
 
         Of two bodies the contact points are those of their motion, but where temperatures of the slave are prescribed.
         """
-        found = ScalarContact(exchange.law, exchange.temperature)
+        contact = ScalarContact(exchange.law, exchange.temperature)
         against = problem.contact[name].against if name in problem.contact else None
         if not against:
-            return found
+            return contact
         mesh, sides = problem.mesh, problem.pair(name)
-        held = np.zeros(mesh.number_of_nodes, dtype=bool)
+        fixed = np.zeros(mesh.number_of_nodes, dtype=bool)
         for support in self.supports:
-            held[mesh.boundaries.get(support, [])] = True
-        return replace(found, against=against, slave=sides[int(held[mesh.boundaries[sides[0]]].all(axis=1).any())])
+            fixed[mesh.boundaries.get(support, [])] = True
+        return replace(contact, against=against, slave=sides[int(fixed[mesh.boundaries[sides[0]]].all(axis=1).any())])
 
 
 def _check_sides(problem: ContactProblem, name: str, exchange: HeatContact) -> None:

@@ -240,18 +240,18 @@ class _Body:
             if one.generate:
                 start = self.first.get(scope, 0)
                 known = np.concatenate(self.ids if one.key == "NSET" else self.numbers) - start
-                found = [
+                numbers = [
                     known[(known >= first) & (known <= last) & ((known - first) % max(step, 1) == 0)] + start
                     for first, last, step in map(_limits, one.rows)
                 ]
             else:
                 words = [word for row in one.rows for word in row if word]
                 plain = [word for word in words if word.lstrip("+-").isdigit()]
-                found = [whole(plain, f"*{one.key}") + self.first.get(scope, 0)] if plain else []
-                found += [
+                numbers = [whole(plain, f"*{one.key}") + self.first.get(scope, 0)] if plain else []
+                numbers += [
                     self._look_up(one.key, word, scope, one.name) for word in words if not word.lstrip("+-").isdigit()
                 ]
-            self._keep(one.key, one.name, scope, np.concatenate([*found, np.zeros(0, dtype=np.int64)]), one.shown)
+            self._keep(one.key, one.name, scope, np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]), one.shown)
 
     def _look_up(self, key: str, word: str, scope: str, of: str) -> IntArray:
         """Members of a set by its name, or of an instance: ``instance.set``, ``instance.number``."""
@@ -295,8 +295,8 @@ class _Body:
     def put_together(self) -> RawMesh:
         """The mesh of the whole."""
         names, facets = dict[tuple[int, int], str](), list[Block]()
-        for number, (name, found) in enumerate(self.surfaces.items(), start=1):
-            for kind, nodes in found:
+        for number, (name, pairs) in enumerate(self.surfaces.items(), start=1):
+            for kind, nodes in pairs:
                 names[kind.dim, number] = name
                 facets.append(Block(kind, nodes, [number]))
         ids = np.concatenate([*self.ids, np.zeros(0, dtype=np.int64)])
@@ -328,9 +328,9 @@ def _limits(row: list[str]) -> tuple[int, int, int]:
 def _kind(name: str) -> ElementKind:
     """A kind of element by its name."""
     for pattern, kinds in _TYPES:
-        found = pattern.match(name)
-        if found and int(found.group(1)) in kinds:
-            return KINDS[CODES[kinds[int(found.group(1))]]]
+        match = pattern.match(name)
+        if match and int(match.group(1)) in kinds:
+            return KINDS[CODES[kinds[int(match.group(1))]]]
     raise ProblemError(unknown_kind(shown(name) or "(*ELEMENT without TYPE)"))
 
 
@@ -343,17 +343,17 @@ def _keywords(text: str, included: Included, depth: int) -> list[tuple[str, dict
     starts = [number for number, line in enumerate(lines) if line.lstrip().startswith("*")]
     if not starts:
         raise ProblemError("it holds no keyword of Abaqus (*NODE, *ELEMENT); check what kind of file it is")
-    found = list[tuple[str, dict[str, str], list[str]]]()
+    keywords = list[tuple[str, dict[str, str], list[str]]]()
     for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
-        head, place = lines[start].strip(), start + 1
-        while head.endswith(",") and place < end:  # a keyword may go on
-            head, place = head + lines[place].strip(), place + 1
+        head, at = lines[start].strip(), start + 1
+        while head.endswith(",") and at < end:  # a keyword may go on
+            head, at = head + lines[at].strip(), at + 1
         key, *words = (word.strip() for word in head.split(","))
         pairs = (word.partition("=") for word in words if word)
         values = {name.strip().upper(): value.strip() for name, _, value in pairs}
         name = " ".join(key.lstrip("*").upper().split())
         if name == "INCLUDE":
-            found += _keywords(included.text(values.get("INPUT", "").strip('"'), depth), included, depth + 1)
+            keywords += _keywords(included.text(values.get("INPUT", "").strip('"'), depth), included, depth + 1)
         else:
-            found.append((name, values, lines[place:end]))
-    return found
+            keywords.append((name, values, lines[at:end]))
+    return keywords

@@ -152,9 +152,9 @@ def box(
     step = (1, nx + 1, (nx + 1) * (ny + 1))
     corner = nodes[:-1, :-1, :-1].ravel()
     connectivity = np.empty((len(corner), 6, 4), dtype=np.int64)
-    for number, way in enumerate(permutations(range(3))):
-        path = np.cumsum([0] + [step[axis] for axis in way])
-        if way not in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    for number, order in enumerate(permutations(range(3))):
+        path = np.cumsum([0] + [step[axis] for axis in order])
+        if order not in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             path = np.roll(path, -1)  # turns an inverted tetrahedron and keeps the diagonal that refinement takes
         connectivity[:, number] = corner[:, None] + path
     boundaries = {
@@ -185,9 +185,11 @@ def _box_parent(grid: Grid) -> Refinement | None:
     for extra in (0, 1):
         i, j, k = ((np.arange(n + 1) + extra) // 2 for n in grid.cells)
         ends.append((i + (nx + 1) * (j[:, None] + (ny + 1) * k[:, None, None])).ravel())
-    ways = list(permutations(range(3)))
+    orders = list(permutations(range(3)))
     # a point of an eighth lies farther along the axes on whose upper side the eighth is; the others keep their order
-    eighths = [[ways.index(tuple(sorted(way, key=lambda a: ~eighth >> a & 1))) for way in ways] for eighth in range(8)]
+    eighths = [
+        [orders.index(tuple(sorted(order, key=lambda a: ~eighth >> a & 1))) for order in orders] for eighth in range(8)
+    ]
     return Refinement(grid.build(1), frozen(np.column_stack(ends)), frozen(_cells_above(grid.cells, eighths)))
 
 
@@ -217,13 +219,13 @@ def _cells_above(counts: Sequence[int], table: list[list[int]]) -> IntArray:
 
     ``table`` tells for each of the 2^d parts of a box, and each cell in the small box there, the cell of the box.
     """
-    place, part, stride = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), 1
+    box, part, stride = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), 1
     for axis, count in enumerate(counts):
         index = np.arange(count)[:, None]
-        place = (place + stride * (index // 2)).ravel()
+        box = (box + stride * (index // 2)).ravel()
         part = (part + 2**axis * (index % 2)).ravel()
         stride *= count // 2
-    return np.asarray(place[:, None] * len(table[0]) + np.array(table)[part], dtype=np.int64).ravel()
+    return np.asarray(box[:, None] * len(table[0]) + np.array(table)[part], dtype=np.int64).ravel()
 
 
 def _lengths(size: ArrayLike, axes: int) -> tuple[float, ...]:

@@ -67,15 +67,15 @@ def read_by_meshio(path: Path, formats: Sequence[str] = ()) -> RawMesh:
     """What a file holds, of a format that meshio reads, or of VTK, whose data are alike; by its suffix where none is
     given.
     """
-    found = _read(path, formats or _by_suffix(path))
-    raw, places = _elements(found)
-    for name, parts in _sets(found):
+    grid = _read(path, formats or _by_suffix(path))
+    raw, places = _elements(grid)
+    for name, parts in _sets(grid):
         for number, rows in parts:
-            _add(raw, (KINDS[CODES[found.cells[number].type]].dim, name), places[number], rows)
-    raw.at_nodes.update(_node_sets(found))
+            _add(raw, (KINDS[CODES[grid.cells[number].type]].dim, name), places[number], rows)
+    raw.at_nodes.update(_node_sets(grid))
     raw.notes.extend(
         f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was ignored"
-        for name, values in found.cell_data.items()
+        for name, values in grid.cell_data.items()
         if _numbers_groups(name, values) and _count(values) > _MOST_GROUPS
     )
     if path.suffix.lower() in (".ele", ".node"):
@@ -125,10 +125,10 @@ def _refuse_unwritten(path: Path) -> None:
     except ModuleNotFoundError:  # it is said below that it is missing
         return
 
-    def look(name: str, found: object) -> None:
-        if isinstance(found, h5py.Dataset) and found.nbytes > _PACKED * (found.id.get_storage_size() + 4096):
+    def look(name: str, item: object) -> None:
+        if isinstance(item, h5py.Dataset) and item.nbytes > _PACKED * (item.id.get_storage_size() + 4096):
             raise ProblemError(
-                f"the array '{shown(name)}' is said to hold {found.nbytes / 2**20:.0f} MiB, and most of it was never "
+                f"the array '{shown(name)}' is said to hold {item.nbytes / 2**20:.0f} MiB, and most of it was never "
                 "written; save it again"
             )
 
@@ -136,18 +136,18 @@ def _refuse_unwritten(path: Path) -> None:
         file.visititems(look)
 
 
-def _elements(found: meshio.Mesh | CellGrid) -> tuple[RawMesh, list[int]]:
+def _elements(grid: meshio.Mesh | CellGrid) -> tuple[RawMesh, list[int]]:
     """Points and elements, and the number of the first element of each block."""
-    foreign = sorted({block.type for block in found.cells if len(block.data)} - set(CODES))
+    foreign = sorted({block.type for block in grid.cells if len(block.data)} - set(CODES))
     if foreign:
         raise ProblemError(unknown_kind(", ".join(foreign)))
-    points = np.asarray(found.points, dtype=np.float64)
+    points = np.asarray(grid.points, dtype=np.float64)
     if points.ndim != 2 or not np.isfinite(points).all():
         raise ProblemError("its points are not finite coordinates; save it again")
     cells: dict[int, list[IntArray]] = {}
     kinds: dict[int, list[IntArray]] = {}
     places = []
-    for block in found.cells:
+    for block in grid.cells:
         kind, data = KINDS[CODES[block.type]], np.asarray(block.data)
         if data.dtype.kind not in "iu" or data.ndim != 2 or (data.size and not _within(data, len(points))):
             raise ProblemError("a cell refers to a node that is not in it; save it again")
@@ -178,10 +178,10 @@ def _add(raw: RawMesh, key: tuple[int, str], start: int, rows: IntArray) -> None
 _Members = list[tuple[int, IntArray]]
 
 
-def _sets(found: meshio.Mesh | CellGrid) -> Iterator[tuple[str, _Members]]:
+def _sets(grid: meshio.Mesh | CellGrid) -> Iterator[tuple[str, _Members]]:
     """Named groups of elements: sets, then what arrays number."""
     named = set()
-    for name, blocks in getattr(found, "cell_sets", {}).items():
+    for name, blocks in getattr(grid, "cell_sets", {}).items():
         if name.startswith("gmsh:"):
             continue
         parts = [
@@ -189,16 +189,16 @@ def _sets(found: meshio.Mesh | CellGrid) -> Iterator[tuple[str, _Members]]:
             for number, ids in enumerate(blocks)
             if ids is not None and len(ids)
         ]
-        if not all(_within(rows, len(found.cells[number].data)) for number, rows in parts):
+        if not all(_within(rows, len(grid.cells[number].data)) for number, rows in parts):
             raise ProblemError(f"group '{name}' refers to a cell that is not there; save the mesh again")
         named.add(name)
         yield name, parts
-    for name, values in found.cell_data.items():
+    for name, values in grid.cell_data.items():
         if _numbers_groups(name, values) and _count(values) <= _MOST_GROUPS:
             for number, tags in enumerate(values):
                 for tag in np.unique(tags).tolist():
-                    dim = KINDS[CODES[found.cells[number].type]].dim
-                    for group in _names(found, name, dim, tag):
+                    dim = KINDS[CODES[grid.cells[number].type]].dim
+                    for group in _names(grid, name, dim, tag):
                         if group not in named:
                             yield group, [(number, np.flatnonzero(np.asarray(tags).ravel() == tag))]
 
@@ -213,24 +213,24 @@ def _count(values: list[AnyArray]) -> int:
     return len(np.unique(np.concatenate([np.ravel(one) for one in values])))
 
 
-def _names(found: meshio.Mesh | CellGrid, array: str, dim: int, tag: int) -> list[str]:
+def _names(grid: meshio.Mesh | CellGrid, array: str, dim: int, tag: int) -> list[str]:
     """Names of the groups of a number: those that the file gives, the number itself, or array and number."""
     if array not in _TAGS:
         return [f"{array}:{tag}"]
     if not tag:
         return []
     if array == "cell_tags":  # families of MED, which have names or are none
-        return list(getattr(found, "cell_tags", {}).get(tag, []))
-    values = {str(key): np.ravel(value) for key, value in found.field_data.items()}
+        return list(getattr(grid, "cell_tags", {}).get(tag, []))
+    values = {str(key): np.ravel(value) for key, value in grid.field_data.items()}
     known = [key for key, value in values.items() if len(value) == 2 and value[1] == dim and value[0] == tag]
     return known[:1] or [str(tag)]
 
 
-def _node_sets(found: meshio.Mesh | CellGrid) -> Iterator[tuple[str, IntArray]]:
+def _node_sets(grid: meshio.Mesh | CellGrid) -> Iterator[tuple[str, IntArray]]:
     """Named groups of nodes."""
-    for name, ids in getattr(found, "point_sets", {}).items():
+    for name, ids in getattr(grid, "point_sets", {}).items():
         yield name, np.asarray(ids, dtype=np.int64)
-    families, tags = getattr(found, "point_tags", {}), found.point_data.get("point_tags", np.zeros(0))
+    families, tags = getattr(grid, "point_tags", {}), grid.point_data.get("point_tags", np.zeros(0))
     names = {name for family in families.values() for name in family}
     for name in sorted(names):
         own = [tag for tag, family in families.items() if name in family]
@@ -251,11 +251,11 @@ class _Ended:
     def read(self, *size: int) -> str | bytes:
         return self._some(super().read(*size))  # type: ignore[misc]
 
-    def _some(self, found: str | bytes) -> str | bytes:
-        self.past = 0 if found else self.past + 1
+    def _some(self, data: str | bytes) -> str | bytes:
+        self.past = 0 if data else self.past + 1
         if self.past > _PAST_THE_END:
             raise EOFError
-        return found
+        return data
 
 
 class _Text(_Ended, io.TextIOWrapper):  # type: ignore[misc]

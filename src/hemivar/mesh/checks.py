@@ -135,20 +135,20 @@ def _check_sides(points: Array, facets: IntArray, order: IntArray, first: IntArr
     """
     corners = facets.shape[1] + 1
     if counts.max(initial=0) > 2:
-        place = int(np.argmax(counts))
-        members = order[first[place] : first[place] + counts[place]]
+        worst = int(np.argmax(counts))
+        members = order[first[worst] : first[worst] + counts[worst]]
         bad = facets[members[0]]
         raise ProblemError(
             f"the facet with nodes {bad.tolist()} at {_coordinates(points[bad].mean(axis=0))} belongs to "
-            f"{counts[place]} cells ({', '.join(map(str, np.sort(members // corners)[:6].tolist()))}); at most two "
+            f"{counts[worst]} cells ({', '.join(map(str, np.sort(members // corners)[:6].tolist()))}); at most two "
             f"cells may share a facet: remove overlapping cells"
         )
     shared = first[counts == 2]
     one, other = order[shared], order[shared + 1]
     alike = _sense(facets[one]) == _sense(facets[other])
     if alike.any():
-        place = int(np.argmax(alike))
-        bad, cells = facets[one[place]], sorted((int(one[place]) // corners, int(other[place]) // corners))
+        worst = int(np.argmax(alike))
+        bad, cells = facets[one[worst]], sorted((int(one[worst]) // corners, int(other[worst]) // corners))
         raise ProblemError(
             f"cells {cells[0]} and {cells[1]} lie on the same side of the facet with nodes {bad.tolist()} at "
             f"{_coordinates(points[bad].mean(axis=0))}: they overlap, or are one cell twice; remove one of them"
@@ -172,8 +172,8 @@ def coincident(points: Array, facets: IntArray) -> BoolArray:
 def _places(points: Array, facets: IntArray) -> IntArray | None:
     """Numbers of the places of the corners of facets (k, d), sorted in each; None where each node has its own."""
     nodes, local = np.unique(facets, return_inverse=True)
-    places, place = np.unique(points[nodes], axis=0, return_inverse=True)
-    return None if len(places) == len(nodes) else np.sort(place.ravel()[local.reshape(facets.shape)], axis=1)
+    places, number = np.unique(points[nodes], axis=0, return_inverse=True)
+    return None if len(places) == len(nodes) else np.sort(number.ravel()[local.reshape(facets.shape)], axis=1)
 
 
 def _several(rows: IntArray) -> BoolArray:
@@ -254,9 +254,9 @@ def checked_boundaries(points: Array, cells: IntArray, boundaries: Mapping[str, 
                 f"boundary '{name}' has shape {given.shape}; it must list {dim} nodes per facet, shape (k, {dim})"
             )
         wanted = facet_keys(given, count)
-        place = np.minimum(np.searchsorted(sorted_keys, wanted), len(sorted_keys) - 1)
-        known = sorted_keys[place] == wanted
-        outer = known & (counts[place] == 1)
+        slot = np.minimum(np.searchsorted(sorted_keys, wanted), len(sorted_keys) - 1)
+        known = sorted_keys[slot] == wanted
+        outer = known & (counts[slot] == 1)
         if not outer.all():
             bad = int(np.flatnonzero(~outer)[0])
             what = "lies between two cells" if known[bad] else "is not a facet of any cell"
@@ -265,8 +265,8 @@ def checked_boundaries(points: Array, cells: IntArray, boundaries: Mapping[str, 
                 f"({np.count_nonzero(~outer)} such facets); list facets of the outer boundary only"
             )
         _, unique = np.unique(wanted, return_index=True)
-        result[str(name)] = frozen(facets[first[place[np.sort(unique)]]])
-        named.append(first[place])
+        result[str(name)] = frozen(facets[first[slot[np.sort(unique)]]])
+        named.append(first[slot])
     if named:
         alone = np.sort(first[counts == 1])
         _check_cuts(points, cells, facets[alone], alone // (dim + 1), np.searchsorted(alone, np.concatenate(named)))

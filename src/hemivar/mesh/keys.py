@@ -81,15 +81,15 @@ def distinct_pairs(first: AnyArray, second: AnyArray) -> tuple[IntArray, IntArra
             ).astype(np.uint64)
             packed[part] = (key << np.uint64(shift)) | np.arange(part.start, part.stop, dtype=np.uint64)
         packed.sort()
-        found, seen, before = [], -1, np.uint64(0)
+        pieces, seen, before = [], -1, np.uint64(0)
         for part in portions:
             key = packed[part] >> np.uint64(shift)
             new = np.concatenate([[seen < 0 or key[0] != before], key[1:] != key[:-1]])
-            place = packed[part] & np.uint64((1 << shift) - 1)
-            number[place.astype(np.int64)] = seen + np.cumsum(new)
-            found.append(key[new])
+            pair = packed[part] & np.uint64((1 << shift) - 1)
+            number[pair.astype(np.int64)] = seen + np.cumsum(new)
+            pieces.append(key[new])
             seen, before = seen + int(np.count_nonzero(new)), key[-1]
-        distinct = np.concatenate(found).astype(np.int64)
+        distinct = np.concatenate(pieces).astype(np.int64)
     start = distinct >> width
     return np.column_stack([start, start + (distinct & ((1 << width) - 1))]), number
 

@@ -151,8 +151,8 @@ def red_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArra
     lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
     shortest = np.argmin([lengths[0] * (1.0 - 2e-9), lengths[1] * (1.0 - 1e-9), lengths[2]], axis=0)
     v, e = cells.copy(), middles.copy()
-    for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
-        turned = np.flatnonzero(shortest == way)
+    for diagonal, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
+        turned = np.flatnonzero(shortest == diagonal)
         v[turned] = cells[turned][:, corners]
         e[turned] = middles[turned][:, edges]
     (v0, v1, v2, v3), (e01, e12, e02, e03, e13, e23) = v.T, e.T

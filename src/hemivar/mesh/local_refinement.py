@@ -157,9 +157,9 @@ class _Family:
         cut = red[step.cells]
         # The children of a cell are numbered in the order of their cells.
         order = np.argsort(step.cells[cut], kind="stable")
-        place = np.empty(order.size, dtype=np.int64)
-        place[order] = np.arange(order.size) % self.many
-        member[cut] = self.children[member[cut]] + place
+        child = np.empty(order.size, dtype=np.int64)
+        child[order] = np.arange(order.size) % self.many
+        member[cut] = self.children[member[cut]] + child
         whole[cut] = True
         self.member.append(member)
         self.whole.append(whole)
@@ -178,9 +178,9 @@ class _Family:
         """The finest mesh of the family, with what conformity adds."""
         known = self.meshes
         while True:
-            found = self._built(known)
-            if found is not None:
-                return found
+            built = self._built(known)
+            if built is not None:
+                return built
             known = self.meshes  # what is there already is used again
 
     def _built(self, known: list[Mesh]) -> Mesh | None:

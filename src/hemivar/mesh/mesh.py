@@ -255,6 +255,11 @@ class Mesh(PickleMixin):
         _, first, counts = np.unique(keys, return_index=True, return_counts=True)
         return frozen(facets[np.sort(first[counts == 1])])
 
+    @cached_property
+    def _rules(self) -> dict[tuple[str | None, int], object]:
+        """The :class:`hemivar.mesh.boundary_rule.BoundaryRule` of each boundary and order that was asked for."""
+        return {}
+
     def nodes(self, order: int = 1) -> Array:
         """Displacement nodes: the vertices and, for order 2, the edge midpoints after them.
 
@@ -385,9 +390,9 @@ class Mesh(PickleMixin):
 
     def made_by(self, recipe: MeshRecipe | None, reading: Reading | None = None) -> Mesh:
         """The mesh with another word on how it was made, and on how it was read where given, which is not checked."""
-        told = self.reading if reading is None else reading
+        history = self.reading if reading is None else reading
         return Mesh.trusted(
-            self.points, self.cells, self.boundaries, self.regions, self.parent, recipe, self.interfaces, told
+            self.points, self.cells, self.boundaries, self.regions, self.parent, recipe, self.interfaces, history
         )
 
     def moved(self, matrix: ArrayLike, shift: ArrayLike = 0.0) -> Mesh:
@@ -467,10 +472,10 @@ class Mesh(PickleMixin):
         chosen = {
             name: self._where(name, value) if isinstance(value, str) else value for name, value in boundaries.items()
         }
-        found = self._chosen(chosen, self.boundary_facets, "boundar", "y", "ies")
+        marked = self._chosen(chosen, self.boundary_facets, "boundar", "y", "ies")
         formulas = {str(name): value for name, value in boundaries.items() if isinstance(value, str)}
         plain = self.recipe if len(formulas) == len(boundaries) else None
-        mesh = self.named({**self.boundaries, **found}, self.regions)
+        mesh = self.named({**self.boundaries, **marked}, self.regions)
         return mesh.made_by(plain and plain.marking(formulas))
 
     def _where(self, name: str, condition: str) -> IntArray:
@@ -525,12 +530,12 @@ class Mesh(PickleMixin):
 
         It stays the refinement of its parent where all of them are made of whole facets and cells of that.
         """
-        found = checked_boundaries(self.points, self.cells, boundaries)
+        outer = checked_boundaries(self.points, self.cells, boundaries)
         areas = checked_regions(regions, self.number_of_cells)
         kept = self.interfaces if interfaces is None else interfaces
-        inner = checked_interfaces(self.points, self.cells, kept, found)
-        parent = self.parent and self.parent.named(found, areas, inner)
-        return Mesh.trusted(self.points, self.cells, found, areas, parent, None, inner, self.reading)
+        inner = checked_interfaces(self.points, self.cells, kept, outer)
+        parent = self.parent and self.parent.named(outer, areas, inner)
+        return Mesh.trusted(self.points, self.cells, outer, areas, parent, None, inner, self.reading)
 
     @classmethod
     def assembled(cls, parts: Mapping[str, Mesh]) -> Mesh:
@@ -584,14 +589,14 @@ class Mesh(PickleMixin):
         if between is None:
             if name not in self.interfaces:
                 raise ProblemError(self._no_interface(name))
-            found = opened(self, name, self.interfaces[name])
+            cut = opened(self, name, self.interfaces[name])
         elif name in self.interfaces:
             raise ProblemError(f"the mesh has an interface '{name}' already; leave between out, or take another name")
         else:
             named = self.with_interfaces({**self.interfaces, name: self._between(between)})
-            found = opened(named, name, named.interfaces[name])
+            cut = opened(named, name, named.interfaces[name])
         recipe = self.recipe and self.recipe.opening(name, None if between is None else (between[0], between[1]))
-        return found if found.recipe is not None or recipe is None else found.made_by(recipe)
+        return cut if cut.recipe is not None or recipe is None else cut.made_by(recipe)
 
     def _no_interface(self, name: str) -> str:
         if name in self.boundaries:

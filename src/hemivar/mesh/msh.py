@@ -68,7 +68,7 @@ class _Reader:
 
     def __init__(self, data: bytes) -> None:
         self.data = data
-        self.place = 3 if data.startswith(b"\xef\xbb\xbf") else 0
+        self.offset = 3 if data.startswith(b"\xef\xbb\xbf") else 0
         self.version = ""
         self.binary = False
         self.order = "<"
@@ -95,12 +95,12 @@ class _Reader:
             elif name == "PhysicalNames":
                 self._names(self._text(name))
             elif name in _SECTIONS and self.binary:
-                source = Bytes(self.data, self.place, self.order, self.word, name, self.version in _NEW)
+                source = Bytes(self.data, self.offset, self.order, self.word, name, self.version in _NEW)
                 if self._in_blocks(name):
                     self._sizes_known(name, source)
                 else:
                     self._old_binary(name, source)
-                self.place = source.place
+                self.offset = source.offset
                 self._end(name)
             elif name in _SECTIONS and self._in_blocks(name):
                 kind = np.int64 if name == "Elements" else np.float64
@@ -126,50 +126,50 @@ class _Reader:
 
     def _section(self) -> str | None:
         """The name of the next section, with the place after its line; None at the end."""
-        data, place = self.data, self.place
-        while place < len(data) and data[place] in b" \t\r\n":
-            place += 1
-        if place >= len(data):
+        data, at = self.data, self.offset
+        while at < len(data) and data[at] in b" \t\r\n":
+            at += 1
+        if at >= len(data):
             return None
-        line, end = self._line(place)
+        line, end = self._line(at)
         if not line.startswith(b"$") or not line[1:].isalnum() or line.startswith(b"$End"):
             text = line[:40].decode("ascii", "backslashreplace")
-            raise ProblemError(f"a section should begin at '{shown(text)}' ({self._where(place)}); save it again")
-        self.place = end
+            raise ProblemError(f"a section should begin at '{shown(text)}' ({self._where(at)}); save it again")
+        self.offset = end
         return line[1:].decode("ascii")
 
-    def _line(self, place: int) -> tuple[bytes, int]:
+    def _line(self, at: int) -> tuple[bytes, int]:
         """The line at a place without blanks round it, and the place after it."""
-        end = self.data.find(b"\n", place)
+        end = self.data.find(b"\n", at)
         end = len(self.data) if end < 0 else end
-        return self.data[place:end].strip(), end + 1
+        return self.data[at:end].strip(), end + 1
 
     def _text(self, name: str) -> bytes:
         """All between the line that opens a section and the one that ends it; the place goes after that."""
-        end = self.data.find(b"$End" + name.encode("ascii"), self.place)
+        end = self.data.find(b"$End" + name.encode("ascii"), self.offset)
         if end < 0:
             raise ProblemError(f"it is cut off: the section ${name} does not end ($End{name} is missing)")
-        text = self.data[self.place : end]
-        self.place = end
+        text = self.data[self.offset : end]
+        self.offset = end
         self._end(name)
         return text
 
     def _end(self, name: str) -> None:
         """The line that ends a section stands here."""
-        place = self.place
-        while place < len(self.data) and self.data[place] in b" \t\r\n":
-            place += 1
-        line, end = self._line(place)
+        at = self.offset
+        while at < len(self.data) and self.data[at] in b" \t\r\n":
+            at += 1
+        line, end = self._line(at)
         if line != b"$End" + name.encode("ascii"):
-            cut = "it is cut off" if place >= len(self.data) else "its counts are wrong, or it is damaged"
+            cut = "it is cut off" if at >= len(self.data) else "its counts are wrong, or it is damaged"
             raise ProblemError(f"the section ${name} does not end where it should; {cut}: save it again")
-        self.place = end
+        self.offset = end
 
-    def _where(self, place: int) -> str:
-        return f"byte {place}" if self.binary else f"line {self.data.count(bytes([10]), 0, place) + 1}"
+    def _where(self, at: int) -> str:
+        return f"byte {at}" if self.binary else f"line {self.data.count(bytes([10]), 0, at) + 1}"
 
     def _format(self) -> None:
-        line, self.place = self._line(self.place)
+        line, self.offset = self._line(self.offset)
         words = line.decode("ascii", "replace").split()
         if len(words) != 3 or words[1] not in ("0", "1") or words[2] not in ("4", "8"):
             raise ProblemError("its $MeshFormat is not 'version, 0 or 1, 8'; save it as MSH 2.2 or 4.1")
@@ -180,11 +180,11 @@ class _Reader:
             )
         self.version, self.binary, self.word = words[0], words[1] == "1", int(words[2])
         if self.binary:
-            one = self.data[self.place : self.place + 4]
+            one = self.data[self.offset : self.offset + 4]
             if one not in (b"\1\0\0\0", b"\0\0\0\1"):
                 raise ProblemError("the byte order of this binary file is unknown; save it again")
             self.order = "<" if one == b"\1\0\0\0" else ">"
-            self.place += 4
+            self.offset += 4
         self._end("MeshFormat")
 
     def _names(self, text: bytes) -> None:
@@ -233,11 +233,11 @@ class _Reader:
                 try:
                     (int if kind is np.int64 else float)(word)
                 except ValueError:
-                    found = shown(word[:30].decode("ascii", "backslashreplace"))
+                    entry = shown(word[:30].decode("ascii", "backslashreplace"))
                     what = "a whole number" if kind is np.int64 else "a number"
                     at = self.data.count(b"\n", 0, start) + number + 1
                     raise ProblemError(
-                        f"'{found}' is not {what} (${name}, line {at}); correct it or save it again"
+                        f"'{entry}' is not {what} (${name}, line {at}); correct it or save it again"
                     ) from None
         raise ProblemError(f"${name} holds what is not a number; save the mesh again")
 
@@ -287,12 +287,12 @@ class _Reader:
         blocks, count = source.size(), source.size()
         if new:
             source.size(), source.size()
-        found = 0
+        total = 0
         for _ in range(blocks):
             head = source.integers(3)
             dim, tag = (head[0], head[1]) if new else (head[1], head[0])
             many = source.size()
-            found += many
+            total += many
             if name == "Elements":
                 self._add_block(dim, tag, head[2], source.tags(many, 1 + _kind(head[2]).nodes)[:, 1:])
                 continue
@@ -302,8 +302,8 @@ class _Reader:
             else:
                 ids, points = source.nodes(many, width)
             self._add_nodes(ids, points[:, :3])
-        if found != count:
-            raise ProblemError(f"${name} says {count} {name.lower()} and holds {found}; save the mesh again")
+        if total != count:
+            raise ProblemError(f"${name} says {count} {name.lower()} and holds {total}; save the mesh again")
 
     def _add_nodes(self, ids: AnyArray, points: Array) -> None:
         whole = ids.astype(np.int64) if ids.dtype.kind in "iu" or bool((np.abs(ids) < 2.0**53).all()) else None
@@ -347,7 +347,7 @@ class _Reader:
         self.blocks.append(Block(what, _ordered(what, nodes), groups))
 
     def _old_binary(self, name: str, source: Bytes) -> None:
-        line, source.place = self._line(source.place)
+        line, source.offset = self._line(source.offset)
         if not line.isdigit():
             raise ProblemError(f"${name} does not begin with a number; save it again")
         count = int(line)
@@ -364,7 +364,7 @@ class _Reader:
             rows = source.array(kind, min(left, source.left // kind.itemsize), move=False)
             many = first_rows(rows["on"][:, :1], len(rows), name)
             self._add_nodes(rows["id"][:many].astype(np.int64), rows["x"][:many])
-            source.place += many * kind.itemsize
+            source.offset += many * kind.itemsize
             left -= many
         while left and name == "Elements":
             kind_of, many, tags = (int(value) for value in source.array(np.dtype(f"{self.order}i4"), 3))

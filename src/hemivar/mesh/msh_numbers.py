@@ -30,21 +30,21 @@ class Numbers:
     def __init__(self, values: AnyArray, name: str, text: bytes = b"") -> None:
         self.values = values
         self.name = name
-        self.place = 0
+        self.offset = 0
         #: The words, if one of them may be a whole number that is written as another one, such as 9.0.
         self._words = text.split() if _WHOLE_BY_VALUE.search(text) else []
 
     def _take(self, count: int, tags: slice | None = None) -> AnyArray:
         """The next numbers, of which ``tags`` are to be written as whole numbers."""
-        if self.place + count > len(self.values):
+        if self.offset + count > len(self.values):
             raise ProblemError(f"${self.name} holds less than its counts say; it is cut off or damaged: save it again")
-        self.place += count
+        self.offset += count
         if tags is not None and self._words:
-            for word in self._words[self.place - count : self.place][tags]:
+            for word in self._words[self.offset - count : self.offset][tags]:
                 if not word.lstrip(b"+-").isdigit():
-                    found = shown(word[:30].decode("ascii", "backslashreplace"))
-                    raise ProblemError(f"'{found}' is not a whole number (${self.name}); correct it or save it again")
-        return self.values[self.place - count : self.place]
+                    text = shown(word[:30].decode("ascii", "backslashreplace"))
+                    raise ProblemError(f"'{text}' is not a whole number (${self.name}); correct it or save it again")
+        return self.values[self.offset - count : self.offset]
 
     def size(self) -> int:
         """A size, the next number."""
@@ -74,16 +74,16 @@ class Numbers:
 
     def finish(self) -> None:
         """Refuse what is left over."""
-        if self.place != len(self.values):
+        if self.offset != len(self.values):
             raise ProblemError(f"${self.name} holds more than its counts say; save it again")
 
 
 class Bytes:
     """Numbers of a binary section, one after the other."""
 
-    def __init__(self, data: bytes, place: int, order: str, word: int, name: str, long_tags: bool) -> None:
+    def __init__(self, data: bytes, offset: int, order: str, word: int, name: str, long_tags: bool) -> None:
         self.data = data
-        self.place = place
+        self.offset = offset
         self.name = name
         self._integer = np.dtype(f"{order}i4")
         self._size = np.dtype(f"{order}u{word}")
@@ -93,15 +93,15 @@ class Bytes:
     @property
     def left(self) -> int:
         """Bytes from the place on."""
-        return len(self.data) - self.place
+        return len(self.data) - self.offset
 
     def array(self, kind: np.dtype[np.generic], count: int, move: bool = True) -> AnyArray:
         """Entries of a kind; ``move`` takes the place behind them."""
         if count * kind.itemsize > self.left or count < 0:
             raise ProblemError(f"${self.name} is cut off or damaged: its counts go beyond the end; save the mesh again")
-        values = np.frombuffer(self.data, kind, count, self.place)
+        values = np.frombuffer(self.data, kind, count, self.offset)
         if move:
-            self.place += count * kind.itemsize
+            self.offset += count * kind.itemsize
         return values
 
     def size(self) -> int:
@@ -146,19 +146,19 @@ def runs(
 
     ``width`` tells from the first entries of a row its width, and which columns the width follows from.
     """
-    place = 0
+    row = 0
     while count:
-        if place + least > len(rows):
+        if row + least > len(rows):
             raise ProblemError(f"{name} holds fewer rows than it says; it is cut off or damaged: save the mesh again")
-        columns, keys = width(rows[place:])
-        many = min(count, (len(rows) - place) // columns)
+        columns, keys = width(rows[row:])
+        many = min(count, (len(rows) - row) // columns)
         if many == 0:
             raise ProblemError(f"{name} holds fewer rows than it says; it is cut off or damaged: save the mesh again")
-        many = first_rows(rows[place : place + many * columns].reshape(many, columns)[:, list(keys)], many, name)
-        yield place, columns, many
-        place += many * columns
+        many = first_rows(rows[row : row + many * columns].reshape(many, columns)[:, list(keys)], many, name)
+        yield row, columns, many
+        row += many * columns
         count -= many
-    if place != len(rows):
+    if row != len(rows):
         raise ProblemError(f"{name} holds more rows than it says, or rows of wrong lengths; save the mesh again")
 
 

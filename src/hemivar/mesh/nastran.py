@@ -55,8 +55,8 @@ def parse_nastran(text: str, folder: Path) -> RawMesh:
     """The mesh in the text of a deck; properties are groups, files that it includes are looked for in a folder."""
     text = _whole_deck(text, Included(folder), 0)
     names = {}
-    for found in _NAMES.finditer(text):
-        number, name = (one for one in found.groups() if one is not None)
+    for match in _NAMES.finditer(text):
+        number, name = (one for one in match.groups() if one is not None)
         names[int(number)] = name.strip()
     ids, points, blocks, others = [], [], list[Block](), set[str]()
     for card, fields in _cards(text):
@@ -84,8 +84,8 @@ def parse_nastran(text: str, folder: Path) -> RawMesh:
 def _whole_deck(text: str, included: Included, depth: int) -> str:
     """The deck up to its end, with the files that it includes in their places."""
 
-    def put(found: re.Match[str]) -> str:
-        name = re.sub(r"\s*\n\s*", "", next(one for one in found.groups() if one is not None)).strip()
+    def put(match: re.Match[str]) -> str:
+        name = re.sub(r"\s*\n\s*", "", next(one for one in match.groups() if one is not None)).strip()
         return _whole_deck(included.text(name, depth), included, depth + 1)
 
     return _INCLUDE.sub(put, _ENDDATA.sub("", text.replace("\r\n", "\n")))

@@ -75,20 +75,20 @@ def _elements(
 def _sections(text: str) -> dict[str, list[list[str]]]:
     """Rows of words below each keyword, as many as the number after the keyword says."""
     lines = [words for line in text.splitlines() if (words := line.partition("#")[0].split())]
-    found: dict[str, list[list[str]]] = {}
-    place = 0
-    while place < len(lines) and lines[place][0] != "endmesh":
-        key = lines[place][0]
-        place += 1
+    sections: dict[str, list[list[str]]] = {}
+    at = 0
+    while at < len(lines) and lines[at][0] != "endmesh":
+        key = lines[at][0]
+        at += 1
         if not key[0].isalpha():
             continue
         if key in ("mesh3d", "dimension", "geomtype"):
-            found[key] = lines[place : place + 1]
-            place += key != "mesh3d"
+            sections[key] = lines[at : at + 1]
+            at += key != "mesh3d"
             continue
-        count = int(whole(lines[place][:1] if place < len(lines) else [""], key)[0])
-        found[key] = lines[place + 1 : place + 1 + count]
-        if count < 0 or len(found[key]) < count:
+        count = int(whole(lines[at][:1] if at < len(lines) else [""], key)[0])
+        sections[key] = lines[at + 1 : at + 1 + count]
+        if count < 0 or len(sections[key]) < count:
             raise ProblemError(f"{shown(key)} says {count} rows, and the file ends before; save it again")
-        place += 1 + count
-    return found
+        at += 1 + count
+    return sections

@@ -22,26 +22,26 @@ __all__ = ["opened"]
 
 def opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh:
     """The mesh in which the facets (k, d) inside of it are open, see :meth:`Mesh.opened`."""
-    found = _opened(mesh, name, facets)
-    if found is None:
+    cut = _opened(mesh, name, facets)
+    if cut is None:
         raise ProblemError(
             f"interface '{name}' has no node away from its ends, so nothing opens; refine the mesh, or let it reach "
             "the boundary of the body"
         )
-    closed = _closed(mesh, found.cells, facets)
+    closed = _closed(mesh, cut.cells, facets)
     if not len(closed):
-        return found
-    place, apart = _first_place(mesh, facets, closed)
+        return cut
+    point, apart = _first_place(mesh, facets, closed)
     if apart:
         raise ProblemError(
-            f"interface '{name}': its piece at {place} has no node away from its ends; refine the mesh there, or let "
+            f"interface '{name}': its piece at {point} has no node away from its ends; refine the mesh there, or let "
             "the piece reach the boundary of the body"
         )
-    said = (
-        f"interface '{name}': {len(closed)} of its {len(facets)} facets stay closed, the first at {place}, as all of "
+    note = (
+        f"interface '{name}': {len(closed)} of its {len(facets)} facets stay closed, the first at {point}, as all of "
         "their nodes are ends of it; refine the mesh there"
     )
-    return found.made_by(None, Reading((*mesh.notes, said), mesh.suggested_order))
+    return cut.made_by(None, Reading((*mesh.notes, note), mesh.suggested_order))
 
 
 def _closed(mesh: Mesh, cells: IntArray, facets: IntArray) -> IntArray:
@@ -68,8 +68,8 @@ def _first_place(mesh: Mesh, facets: IntArray, closed: IntArray) -> tuple[str, b
     of = piece[facets[:, 0]]
     stays = np.bincount(piece[closed[:, 0]], minlength=count) == np.bincount(of, minlength=count)
     whole = stays[piece[closed[:, 0]]]
-    place = mesh.points[closed[int(np.argmax(whole))]].mean(axis=0)
-    return f"({', '.join(f'{x:.6g}' for x in place)})", bool(whole.any())
+    point = mesh.points[closed[int(np.argmax(whole))]].mean(axis=0)
+    return f"({', '.join(f'{x:.6g}' for x in point)})", bool(whole.any())
 
 
 def _opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh | None:
@@ -129,8 +129,8 @@ def _doubled(mesh: Mesh, facets: IntArray) -> tuple[IntArray, IntArray]:
 
 def _corner(cells: IntArray, corner: IntArray, owner: IntArray, nodes: IntArray) -> IntArray:
     """Corners of cells (k,) at these nodes (k, d)."""
-    place = np.argmax(cells[owner][:, None, :] == nodes[:, :, None], axis=2)
-    return np.take_along_axis(corner[owner], place, axis=1).ravel()
+    local = np.argmax(cells[owner][:, None, :] == nodes[:, :, None], axis=2)
+    return np.take_along_axis(corner[owner], local, axis=1).ravel()
 
 
 def _sides(mesh: Mesh, name: str, cells: IntArray, facets: IntArray) -> dict[str, IntArray]:
@@ -139,25 +139,25 @@ def _sides(mesh: Mesh, name: str, cells: IntArray, facets: IntArray) -> dict[str
     owner, fresh = np.repeat(np.arange(len(cells)), cells.shape[1]), cell_facets(cells, int(cells.max()) + 1)[0]
     pair = pair[new_keys[pair[:, 0]] != new_keys[pair[:, 1]]]  # the others did not open
     regions = _region(mesh, owner[pair])
-    found: dict[str, list[IntArray]] = {}
+    sides: dict[str, list[IntArray]] = {}
     between = (regions >= 0).all(axis=1)
     names = list(mesh.regions)
     for column in (0, 1):
         for k in np.unique(regions[between, column]):
             chosen = between & (regions[:, column] == k)
-            found.setdefault(names[k], []).append(fresh[pair[chosen, column]])
+            sides.setdefault(names[k], []).append(fresh[pair[chosen, column]])
     if not between.all():
         within = pair[~between]
         number = _numbered(fresh[within], every[within], owner[within])
         if (number[:, 0] == number[:, 1]).any():
-            place = mesh.points[every[within[int(np.argmax(number[:, 0] == number[:, 1])), 0]]].mean(axis=0)
+            point = mesh.points[every[within[int(np.argmax(number[:, 0] == number[:, 1])), 0]]].mean(axis=0)
             raise ProblemError(
-                f"interface '{name}': both sides of its facet at ({', '.join(f'{x:.6g}' for x in place)}) are joined "
+                f"interface '{name}': both sides of its facet at ({', '.join(f'{x:.6g}' for x in point)}) are joined "
                 "around another of its parts; give its curves names of their own and open one after another"
             )
         for k in np.unique(number):
-            found.setdefault(str(k + 1), []).append(fresh[within[number == k]])
-    return {label: np.concatenate(parts) for label, parts in found.items()}
+            sides.setdefault(str(k + 1), []).append(fresh[within[number == k]])
+    return {label: np.concatenate(parts) for label, parts in sides.items()}
 
 
 def _region(mesh: Mesh, cells: IntArray) -> IntArray:
@@ -227,5 +227,5 @@ def _parent(mesh: Mesh, cells: IntArray, count: int, name: str) -> Refinement | 
     old = np.empty(count, dtype=np.int64)
     old[cells] = mesh.cells
     above = step.cells[holder]
-    place = np.argmax(step.mesh.cells[above][:, None, :] == step.ends[old][:, :, None], axis=2)
-    return Refinement(coarse, frozen(np.take_along_axis(coarse.cells[above], place, axis=1)), step.cells)
+    local = np.argmax(step.mesh.cells[above][:, None, :] == step.ends[old][:, :, None], axis=2)
+    return Refinement(coarse, frozen(np.take_along_axis(coarse.cells[above], local, axis=1)), step.cells)

@@ -122,8 +122,8 @@ def _united(
     stands_for = np.arange(len(nodes))
     stands_for[doubtful] = doubtful[first[which]]
     kept = stands_for == np.arange(len(nodes))
-    place = np.cumsum(kept) - 1
-    return nodes[kept], kinds[kept], {key: place[stands_for[rows]] for key, rows in members.items()}
+    number = np.cumsum(kept) - 1
+    return nodes[kept], kinds[kept], {key: number[stands_for[rows]] for key, rows in members.items()}
 
 
 def _numbering(ids: IntArray) -> Callable[[IntArray], IntArray]:
@@ -148,14 +148,14 @@ def _numbering(ids: IntArray) -> Callable[[IntArray], IntArray]:
             raise ProblemError(f"node {ordered[int(np.argmax(same))]} occurs twice; save the mesh again")
 
         def look_up(wanted: IntArray) -> IntArray:
-            place = np.minimum(np.searchsorted(ordered, wanted), count - 1)
-            return np.where(ordered[place] == wanted, order[place], -1)
+            slot = np.minimum(np.searchsorted(ordered, wanted), count - 1)
+            return np.where(ordered[slot] == wanted, order[slot], -1)
 
     def number(wanted: IntArray) -> IntArray:
-        found = look_up(wanted)
-        if (found < 0).any():
-            bad = wanted[found < 0].ravel()[0]
+        rows = look_up(wanted)
+        if (rows < 0).any():
+            bad = wanted[rows < 0].ravel()[0]
             raise ProblemError(f"an element refers to node {bad}, which is not in the file; save the mesh again")
-        return found
+        return rows
 
     return number

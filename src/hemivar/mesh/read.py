@@ -84,8 +84,8 @@ def read_mesh(path: str | Path, order: int | None = None) -> Mesh:
         return _mesh(_raw(name, start, size), MeshRecipe(Path(path).absolute(), order=1 if order == 1 else None))
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         if not isinstance(error, ProblemError):
-            told = "cannot be read: what it holds does not fit together; save it again"
-            raise ProblemError(f"{_named(path)} {told}") from error
+            reason = "cannot be read: what it holds does not fit together; save it again"
+            raise ProblemError(f"{_named(path)} {reason}") from error
         if str(error).startswith("mesh file '"):
             raise
         between = " " if str(error).startswith("cannot be read") else ": "
@@ -137,14 +137,14 @@ def _mesh(raw: RawMesh, recipe: MeshRecipe) -> Mesh:
         what = f"it holds {_ELEMENTS[1]} only, and" if dim else "it holds"
         raise ProblemError(f"{what} no cells of a body; if it comes from Gmsh, put the body into a physical group")
     flat = RawMesh(_flat(raw, dim), raw.cells, raw.kinds, raw.groups, raw.at_nodes, raw.notes)
-    found = simplices(flat, recipe.order)
-    cells = found.cells[dim]
-    used = np.zeros(len(found.points), dtype=bool)
+    split = simplices(flat, recipe.order)
+    cells = split.cells[dim]
+    used = np.zeros(len(split.points), dtype=bool)
     used[cells] = True
     number = np.where(used, np.cumsum(used) - 1, -1)
-    groups = _Groups(raw, found, dim, number)
-    mesh = Mesh.oriented(found.points[used], number[cells], groups.boundaries, groups.regions, groups.interfaces)
-    return mesh.made_by(recipe, Reading((*found.notes, *raw.notes, *groups.notes), found.order))
+    groups = _Groups(raw, split, dim, number)
+    mesh = Mesh.oriented(split.points[used], number[cells], groups.boundaries, groups.regions, groups.interfaces)
+    return mesh.made_by(recipe, Reading((*split.notes, *raw.notes, *groups.notes), split.order))
 
 
 def _flat(raw: RawMesh, dim: int) -> Array:
@@ -168,27 +168,27 @@ def _flat(raw: RawMesh, dim: int) -> Array:
 class _Groups:
     """The named groups of a file, in the numbers of the mesh."""
 
-    def __init__(self, raw: RawMesh, found: Simplices, dim: int, number: IntArray) -> None:
+    def __init__(self, raw: RawMesh, split: Simplices, dim: int, number: IntArray) -> None:
         self.boundaries: dict[str, IntArray] = {}
         self.interfaces: dict[str, IntArray] = {}
         self.regions: dict[str, IntArray] = {}
         self.notes: list[str] = []
         count = int(number.max()) + 1
-        facets, keys, _ = cell_facets(number[found.cells[dim]], count)
+        facets, keys, _ = cell_facets(number[split.cells[dim]], count)
         ordered, first, counts = np.unique(keys, return_index=True, return_counts=True)
         inner = ordered[counts > 1]
         for (of, name), rows in raw.groups.items():
             mask = np.zeros(len(raw.kinds[of]), dtype=bool)
             mask[rows] = True
-            own = np.flatnonzero(mask[found.origin[of]])
+            own = np.flatnonzero(mask[split.origin[of]])
             if of == dim:
                 self.regions[name] = own
             elif of == dim - 1:
-                self._facets(name, number[found.cells[of][own]], lambda one: facet_keys(one, count), ordered, inner)
+                self._facets(name, number[split.cells[of][own]], lambda one: facet_keys(one, count), ordered, inner)
             else:
                 self.notes.append(f"group '{name}' holds {_ELEMENTS[of]} only; it was ignored")
-        outer = facets[first[counts == 1]] if found.at_nodes else facets[:0]
-        for name, at in found.at_nodes.items():
+        outer = facets[first[counts == 1]] if split.at_nodes else facets[:0]
+        for name, at in split.at_nodes.items():
             self._nodes(name, outer, at[number >= 0])
 
     def _facets(

@@ -66,9 +66,9 @@ class Refinement(PickleMixin):
         count = len(self.ends)
         narrow = np.int32 if 2 * count < np.iinfo(np.int32).max else np.int64
         parts = np.full(2 * count, 0.5), self.ends.ravel().astype(narrow), np.arange(0, 2 * count + 1, 2, dtype=narrow)
-        found = sp.csr_array(parts, shape=(count, self.mesh.number_of_nodes))
-        found.sum_duplicates()  # nodes of both meshes are ends of themselves
-        return found
+        matrix = sp.csr_array(parts, shape=(count, self.mesh.number_of_nodes))
+        matrix.sum_duplicates()  # nodes of both meshes are ends of themselves
+        return matrix
 
     def named(
         self,
@@ -85,13 +85,13 @@ class Refinement(PickleMixin):
         inner: dict[str, IntArray] = {}
         areas = {}
         named = [(corners, *group) for group in boundaries.items()] + [(inner, *group) for group in interfaces.items()]
-        for found, name, facets in named:
+        for kept, name, facets in named:
             nodes = np.sort(self.ends[facets].reshape(len(facets), -1), axis=1)
             first = np.diff(nodes, axis=1, prepend=-1) > 0
             whole = first.sum(axis=1) == dim
-            found[name] = np.unique(nodes[whole][first[whole]].reshape(-1, dim), axis=0)
+            kept[name] = np.unique(nodes[whole][first[whole]].reshape(-1, dim), axis=0)
             covered = facet_measures(points[self.ends[facets]].mean(axis=2)).sum()
-            if abs(covered - facet_measures(points[found[name]]).sum()) > _COVERED * covered:
+            if abs(covered - facet_measures(points[kept[name]]).sum()) > _COVERED * covered:
                 return None
         children = np.bincount(self.cells, minlength=self.mesh.number_of_cells)
         for name, ids in regions.items():

@@ -62,10 +62,10 @@ def simplices(raw: RawMesh, wanted: int | None = None) -> Simplices:
             parts = _cut_once(nodes, edges, middles, parts)
     cells, origin = {}, {}
     for of, own in parts.items():
-        found = [_split(nodes, part) for part in own]
-        together = np.concatenate([number for _, number in found])
+        pieces = [_split(nodes, part) for part in own]
+        together = np.concatenate([number for _, number in pieces])
         sort = np.argsort(together, kind="stable")
-        cells[of], origin[of] = np.concatenate([simplex for simplex, _ in found])[sort], together[sort]
+        cells[of], origin[of] = np.concatenate([simplex for simplex, _ in pieces])[sort], together[sort]
     notes = tuple(_notes(raw, dim, origin[dim], order, cut, off))
     return Simplices(nodes.points, cells, origin, nodes.sets, order, notes)
 
@@ -103,19 +103,19 @@ def _by_shape(cells: IntArray, kinds: IntArray) -> Iterator[_Part]:
 
 def _middles(cells: IntArray, kinds: IntArray, points: Array) -> tuple[IntArray, IntArray]:
     """Edges (k, 2) of second-order elements, each once, smaller number first, and their middles (k,)."""
-    found = []
+    middles = []
     for code in np.unique(kinds).tolist():
         shape, own = KINDS[code].shape, cells[kinds == code]
         if KINDS[code].quadratic:
             ends = np.sort(own[:, shape.edges], axis=2).reshape(-1, 2)
-            found.append(np.column_stack([ends, own[:, shape.corners : shape.corners + len(shape.edges)].ravel()]))
-    rows = np.unique(np.concatenate(found), axis=0)
+            middles.append(np.column_stack([ends, own[:, shape.corners : shape.corners + len(shape.edges)].ravel()]))
+    rows = np.unique(np.concatenate(middles), axis=0)
     rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 2] >= 0)]  # edges of collapsed cells, middles that are left out
     twice = (rows[1:, :2] == rows[:-1, :2]).all(axis=1)
     if twice.any():
-        place = points[rows[int(np.argmax(twice)), 2]]
+        point = points[rows[int(np.argmax(twice)), 2]]
         raise ProblemError(
-            f"an edge at {_place(place)} has another node in its middle in each of two cells; join coincident nodes"
+            f"an edge at {_place(point)} has another node in its middle in each of two cells; join coincident nodes"
         )
     return rows[:, :2], rows[:, 2]
 
@@ -162,9 +162,11 @@ def _face_centres(nodes: _Nodes, parts: list[_Part], halves: list[IntArray]) -> 
     faces, around = np.concatenate(corners), np.concatenate(middles)
     _, first, which = np.unique(equal_rows(np.sort(faces, axis=1)), return_index=True, return_inverse=True)
     places = 0.5 * nodes.points[around[first]].sum(axis=1) - 0.25 * nodes.points[faces[first]].sum(axis=1)
-    found = iter(np.split(nodes.add(places, faces[first])[which.ravel()], np.cumsum([len(one) for one in corners[1:]])))
+    centres = iter(
+        np.split(nodes.add(places, faces[first])[which.ravel()], np.cumsum([len(one) for one in corners[1:]]))
+    )
     return [
-        np.column_stack([np.zeros((len(own), 0), dtype=np.int64), *(next(found) for _ in shape.quads)])
+        np.column_stack([np.zeros((len(own), 0), dtype=np.int64), *(next(centres) for _ in shape.quads)])
         for shape, own, _ in parts
     ]
 
@@ -239,10 +241,10 @@ def _fans(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
         wrong[chosen] = (areas * np.sign(areas.sum(axis=1))[:, None]).min(axis=1, initial=np.inf) <= 0.0
     if wrong.any():
         raise _distorted(nodes, part, wrong, "crosses itself or has no area")
-    found = ((fans.reshape(-1, 3), convex, 4), (halves.reshape(-1, 3), bent, 2), (turned[flat][:, :3], flat, 1))
+    parts = ((fans.reshape(-1, 3), convex, 4), (halves.reshape(-1, 3), bent, 2), (turned[flat][:, :3], flat, 1))
     return (
-        np.concatenate([triangles for triangles, _, _ in found]),
-        np.concatenate([np.repeat(rows[chosen], count) for _, chosen, count in found]),
+        np.concatenate([triangles for triangles, _, _ in parts]),
+        np.concatenate([np.repeat(rows[chosen], count) for _, chosen, count in parts]),
     )
 
 
@@ -252,7 +254,7 @@ def _cones(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
     tetrahedra, chosen = cones(shape, cells, cells.min(axis=1))
     bad = _bad(nodes, tetrahedra, chosen)
     chosen &= ~bad[:, None]
-    found, number = [tetrahedra[chosen]], [np.broadcast_to(rows[:, None], chosen.shape)[chosen]]
+    solids, number = [tetrahedra[chosen]], [np.broadcast_to(rows[:, None], chosen.shape)[chosen]]
     if bad.any():
         own = cells[bad]
         once = np.sort(own, axis=1)
@@ -265,9 +267,9 @@ def _cones(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
             wrong = np.zeros(len(cells), dtype=bool)
             wrong[np.flatnonzero(bad)[still]] = True
             raise _distorted(nodes, part, wrong, "is inside out somewhere, or has no volume")
-        found.append(tetrahedra[chosen])
+        solids.append(tetrahedra[chosen])
         number.append(np.broadcast_to(rows[bad][:, None], chosen.shape)[chosen])
-    return np.concatenate(found), np.concatenate(number)
+    return np.concatenate(solids), np.concatenate(number)
 
 
 def cones(shape: Shape, cells: IntArray, apex: IntArray) -> tuple[IntArray, BoolArray]:
@@ -293,8 +295,8 @@ def _distorted(nodes: _Nodes, part: _Part, bad: BoolArray, what: str) -> Problem
     shape, cells, rows = part
     first = int(np.argmax(bad))
     several = f" ({np.count_nonzero(bad)} such cells)" if np.count_nonzero(bad) > 1 else ""
-    place = _place(nodes.points[cells[first]].mean(axis=0))
-    return ProblemError(f"{shape.name} {rows[first] + 1} of the file, at {place}, {what}{several}; correct its shape")
+    point = _place(nodes.points[cells[first]].mean(axis=0))
+    return ProblemError(f"{shape.name} {rows[first] + 1} of the file, at {point}, {what}{several}; correct its shape")
 
 
 def _place(point: Array) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.boundary_rule import BoundaryRule
 
 __all__ = ["BEND", "STRAIGHT", "Chains", "chains", "facet_angles"]
 
@@ -18,10 +18,10 @@ STRAIGHT = 1e-6
 BEND = np.pi / 6.0 + STRAIGHT
 
 
-def facet_angles(mesh: Mesh, facets: IntArray) -> tuple[IntArray, Array]:
+def facet_angles(rule: BoundaryRule) -> tuple[IntArray, Array]:
     """Pairs (p, 2) of facets (k, d) that have a side in common, by their places in the list, and their angles (p,)."""
-    normals, _ = mesh.facet_normals(facets)
-    dim = mesh.dim
+    facets, normals = rule.facets, rule.normals
+    dim = facets.shape[1]
     owner = np.repeat(np.arange(len(facets)), dim)
     sides = np.stack([np.delete(facets, i, axis=1) for i in range(dim)], axis=1).reshape(-1, dim - 1)
     sides = np.sort(sides, axis=1)
@@ -48,14 +48,14 @@ class Chains:
         return np.asarray((self.angle > STRAIGHT) & (self.angle <= BEND))
 
 
-def chains(mesh: Mesh, facets: IntArray) -> Chains:
+def chains(rule: BoundaryRule) -> Chains:
     """The chains of facets (k, d)."""
-    pairs, angle = facet_angles(mesh, facets)
+    pairs, angle = facet_angles(rule)
     smooth = pairs[angle <= BEND]
-    graph = sp.coo_array((np.ones(len(smooth)), smooth.T), shape=2 * (len(facets),))
+    graph = sp.coo_array((np.ones(len(smooth)), smooth.T), shape=2 * (len(rule.facets),))
     chain = sp.csgraph.connected_components(graph, directed=False)[1]
     at = np.unique(pairs[(angle > STRAIGHT) & (angle <= BEND)])
-    directions = np.round(mesh.facet_normals(facets[at])[0] / STRAIGHT / 10.0)
+    directions = np.round(rule.normals[at] / STRAIGHT / 10.0)
     different = np.unique(np.column_stack([chain[at], directions]), axis=0)[:, 0].astype(int)
-    several = np.bincount(different, minlength=len(facets)) > 2
+    several = np.bincount(different, minlength=len(rule.facets)) > 2
     return Chains(pairs, angle, chain, several[chain])

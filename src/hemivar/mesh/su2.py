@@ -17,10 +17,10 @@ def parse_su2(text: str) -> RawMesh:
     """The mesh in the text of an SU2 file."""
     lines = [line for raw in text.splitlines() if (line := raw.partition("%")[0].strip())]
     points, blocks, names = np.zeros((0, 3)), list[Block](), dict[tuple[int, int], str]()
-    dim, marker, place = 0, "", 0
-    while place < len(lines):
-        key, equals, value = (part.strip() for part in lines[place].partition("="))
-        place += 1
+    dim, marker, row = 0, "", 0
+    while row < len(lines):
+        key, equals, value = (part.strip() for part in lines[row].partition("="))
+        row += 1
         if not equals:
             raise ProblemError(
                 f"its line '{shown(key[:40])}' is not 'KEY= value'; the counts before it are wrong: save it again"
@@ -33,10 +33,10 @@ def parse_su2(text: str) -> RawMesh:
         if key == "NDIME":
             dim = count
             continue
-        own = lines[place : place + count]
+        own = lines[row : row + count]
         if count < 0 or len(own) < count:
             raise ProblemError(f"{key} says {value} lines, and {len(own)} are there; it is cut off: save it again")
-        place += count
+        row += count
         if key == "NPOIN":
             if dim not in (2, 3):
                 raise ProblemError(f"NDIME is {dim}; it must be 2 or 3 and stand before NPOIN")

@@ -38,7 +38,7 @@ class _Reader:
     """Goes through the sections of a file."""
 
     def __init__(self, data: bytes) -> None:
-        self.data, self.place = data, 0
+        self.data, self.offset = data, 0
         self.version = self._line()[-1]
         self._line()
         self.binary = self._line() == ["BINARY"]
@@ -51,11 +51,11 @@ class _Reader:
 
     def _line(self) -> list[str]:
         """The words of the next line that has some; none at the end."""
-        while self.place < len(self.data):
-            end = self.data.find(b"\n", self.place)
+        while self.offset < len(self.data):
+            end = self.data.find(b"\n", self.offset)
             end = len(self.data) if end < 0 else end
-            words = self.data[self.place : end].decode("latin-1").split()
-            self.place = end + 1
+            words = self.data[self.offset : end].decode("latin-1").split()
+            self.offset = end + 1
             if words:
                 return words
         return []
@@ -67,11 +67,11 @@ class _Reader:
         form = np.dtype(_TYPES[kind.lower()]).newbyteorder(">")
         if self.binary:
             size = count * form.itemsize
-            if count < 0 or self.place + size > len(self.data):
+            if count < 0 or self.offset + size > len(self.data):
                 raise ProblemError(f"{shown(what)} is cut off; save the file again")
-            found: AnyArray = np.frombuffer(self.data, form, count, self.place)
-            self.place += size
-            return found.astype(form.newbyteorder("="))
+            numbers: AnyArray = np.frombuffer(self.data, form, count, self.offset)
+            self.offset += size
+            return numbers.astype(form.newbyteorder("="))
         words: list[str] = []
         while len(words) < count and (line := self._line()):
             words += line
@@ -110,8 +110,8 @@ class _Reader:
         elif key in ("CELL_DATA", "POINT_DATA"):
             self.count, self.of_cells = self._size(words, 1), key == "CELL_DATA"
         elif key == "METADATA":
-            while self.place < len(self.data) and self.data[self.place : self.data.find(b"\n", self.place)].strip():
-                self.place = self.data.find(b"\n", self.place) + 1
+            while self.offset < len(self.data) and self.data[self.offset : self.data.find(b"\n", self.offset)].strip():
+                self.offset = self.data.find(b"\n", self.offset) + 1
         elif key == "FIELD":
             self._field(self._size(words, 2))
         elif key == "SCALARS":
@@ -131,8 +131,8 @@ class _Reader:
                 f"a section should begin at '{shown(' '.join(words)[:40])}'; it is damaged: save it again"
             )
 
-    def _size(self, words: list[str], place: int) -> int:
-        return int(whole(words[place : place + 1] or [""], words[0])[0])
+    def _size(self, words: list[str], at: int) -> int:
+        return int(whole(words[at : at + 1] or [""], words[0])[0])
 
     def _field(self, count: int) -> None:
         for _ in range(count):

@@ -114,16 +114,16 @@ class VtuArray:
         """Bytes that lie at a place, and the place behind them."""
         if isinstance(self.source, bytes):
             end = start + count
-            found = self.source[start:end]
+            raw = self.source[start:end]
         else:
             end = start + 4 * -(-count // 3)
             try:
-                found = binascii.a2b_base64(self.source[start:end], strict_mode=True)[:count]
+                raw = binascii.a2b_base64(self.source[start:end], strict_mode=True)[:count]
             except ValueError:
                 raise self._wrong("is no base64") from None
-        if len(found) < count:
+        if len(raw) < count:
             raise self._wrong("is cut off")
-        return found, end
+        return raw, end
 
     def expect(self, rows: int) -> None:
         """Refuse another number of rows; what is in ASCII is counted when it is read."""
@@ -167,13 +167,13 @@ class VtuArray:
         if not self.packing.by:
             raw = self._take(self.start, self.skipped + size)[0]
             return np.frombuffer(raw, stored, offset=self.skipped).astype(self.kind, copy=False)
-        room, done, place, lengths = np.empty(size, dtype=np.uint8), 0, 0, self.blocks.tolist()
+        room, done, start, lengths = np.empty(size, dtype=np.uint8), 0, 0, self.blocks.tolist()
         packed = memoryview(self._take(self.start, sum(lengths))[0])
         for number, length in enumerate(lengths):
             wanted = self.whole if number < len(lengths) - 1 else self.last
-            block = self._unpacked(packed[place : place + length], wanted)
+            block = self._unpacked(packed[start : start + length], wanted)
             room[done : done + wanted] = np.frombuffer(block, dtype=np.uint8)
-            place, done = place + length, done + wanted
+            start, done = start + length, done + wanted
         return room.view(stored).astype(self.kind, copy=False)
 
     def _unpacked(self, packed: memoryview, size: int) -> bytes:

@@ -102,12 +102,12 @@ def _read(data: bytes, budget: int) -> CellGrid:
         raise ProblemError("its points are not finite coordinates; save it again")
     at_points = _of_all([piece.at_points for piece in pieces])
     in_cells = _of_all([piece.in_cells for piece in pieces])
-    found, start = [], 0
+    connected, start = [], 0
     for piece in pieces:
         nodes, types = piece.connected()
-        found.append((nodes + start, types))
+        connected.append((nodes + start, types))
         start += piece.nodes
-    blocks, rows = blocks_of(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    blocks, rows = blocks_of(*(np.concatenate(parts) for parts in zip(*connected, strict=True)))
     return CellGrid(
         points,
         blocks,
@@ -156,16 +156,16 @@ class _Piece:
 
 def _appended(data: bytes) -> tuple[bytes, bytes | str]:
     """The XML of a file without what is appended to it, and that, raw or as text in base64."""
-    found = re.compile(rb"<AppendedData\b([^>]*)>").match(data, max(data.find(b"<AppendedData"), 0))
-    if found is None or found.group(1).endswith(b"/"):
+    match = re.compile(rb"<AppendedData\b([^>]*)>").match(data, max(data.find(b"<AppendedData"), 0))
+    if match is None or match.group(1).endswith(b"/"):
         return data, ""
-    begin, end = data.find(b"_", found.end()), data.rfind(b"</AppendedData>")
+    begin, end = data.find(b"_", match.end()), data.rfind(b"</AppendedData>")
     if begin < 0 or end < begin:
         raise ProblemError("what is appended to it is cut off; save it again")
-    raw = re.search(rb"encoding\s*=\s*[\"']raw[\"']", found.group(1))
+    raw = re.search(rb"encoding\s*=\s*[\"']raw[\"']", match.group(1))
     appended = data[begin + 1 : end]
     try:
-        return data[: found.end()] + data[end:], appended if raw else appended.decode("ascii").strip()
+        return data[: match.end()] + data[end:], appended if raw else appended.decode("ascii").strip()
     except UnicodeDecodeError:
         raise ProblemError("the data appended to it are not base64; save it again") from None
 

@@ -133,7 +133,7 @@ class MarginsOnRanks(Margins):
     """Margins that all ranks find together."""
 
     def _of(self, stage: Stage, solution: Solution) -> float:
-        convexity_defect, stages = self.advance.stages.convexity_defect(stage), self.advance.stages
+        convexity_defect, stages = self.stepper.stages.convexity_defect(stage), self.stepper.stages
         assert isinstance(stages, StageSolverOnRanks)
         return math.nan if stages.depends(stage.problem) else -convexity_defect
 
@@ -142,4 +142,4 @@ class MarginsOnRanks(Margins):
         problem = taken.stages[0].problem
         alphas = problem.law.frozen_at(-problem.offset).weak_convexity if problem.contact_points else ()
         softens = any(np.any(alpha) for alpha in alphas)
-        return math.nan if self.advance.discrete.vectors.largest(float(softens))[0] else math.inf
+        return math.nan if self.stepper.discrete.vectors.largest(float(softens))[0] else math.inf

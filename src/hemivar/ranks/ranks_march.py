@@ -72,8 +72,8 @@ def prepare_march(
     if isinstance(plan.checkpoint, Checkpoint):
         plan = replace(plan, checkpoint=CheckpointOnRanks(plan.checkpoint.file, plan.checkpoint.minutes, ranks=ranks))
 
-    advance = partial(stepper_on_ranks, alarm=alarm)
-    return MarchOnRanks(discrete, plan, Backend(advance, MarginsOnRanks, _no_bound, _identity, _probed))
+    stepper = partial(stepper_on_ranks, alarm=alarm)
+    return MarchOnRanks(discrete, plan, Backend(stepper, MarginsOnRanks, _no_bound, _identity, _probed))
 
 
 def march_on_ranks(
@@ -132,14 +132,14 @@ def _refuse(plan: March) -> None:
         )
 
 
-def _no_bound(advance: TimeStepper) -> TimeBound:
-    return TimeBound(advance, "", "bounds of the error in time are not computed over ranks")
+def _no_bound(stepper: TimeStepper) -> TimeBound:
+    return TimeBound(stepper, "", "bounds of the error in time are not computed over ranks")
 
 
-def _identity(advance: TimeStepper, *options: object) -> str:
+def _identity(stepper: TimeStepper, *options: object) -> str:
     """The digests of all ranks, part by part."""
-    assert isinstance(advance.discrete, EvolutionOnRanks)
-    told = advance.discrete.ranks.mpi.allgather(identity(advance, *options))
+    assert isinstance(stepper.discrete, EvolutionOnRanks)
+    told = stepper.discrete.ranks.mpi.allgather(identity(stepper, *options))
     parts = zip(*(one.split("|") for one in told), strict=True)
     return "|".join(hashlib.sha256("".join(part).encode()).hexdigest()[:32] for part in parts)
 

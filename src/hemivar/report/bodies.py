@@ -13,6 +13,7 @@ from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.mechanics import ContactProblem
+from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_below, write_foot
 from hemivar.report.deformed import BodyColour, DeformedBody
@@ -129,7 +130,7 @@ def plot_solution(
 def sharp_edges(mesh: Mesh, degrees: float = 30.0) -> IntArray:
     """Edges of the surface at which its normal turns by more than an angle, (k, 2) vertices."""
     facets = mesh.boundary_facets
-    normals, _ = mesh.facet_normals(facets)
+    normals = boundary_rule(mesh, None).normals
     pairs = np.sort(np.vstack([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [0, 2]]]), axis=1)
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
     facet = np.tile(np.arange(len(facets)), 3)[order]

@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
+from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.report.deformed import round_number
 from hemivar.report.drawn_body import (
     DrawnFoundation,
@@ -286,18 +287,16 @@ class PlanePicture(FilmPicture):
         near = 1e-6 * self.size
         at_ends = tree.query(points[facets])[0] < near
         chosen = at_ends.all(axis=1) | (tree.query(points[facets].mean(axis=1))[0] < near)
-        normals, _ = self.mesh.facet_normals(facets)
+        normals = boundary_rule(self.mesh, None).normals
         around = np.zeros_like(points)
         np.add.at(around, facets[chosen].ravel(), np.repeat(normals[chosen], 2, axis=0))
         ahead = np.einsum("fd,fkd->fk", normals, around[facets]) >= _GOES_ON * np.linalg.norm(around[facets], axis=2)
         facets = facets[chosen | (at_ends & ahead).any(axis=1)]
-        normals, lengths = self.mesh.facet_normals(facets)
-        used, place = np.unique(facets, return_inverse=True)
-        normal = np.zeros((len(used), 2))
-        np.add.at(normal, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
-        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        rule = BoundaryRule.of(self.mesh, facets)
+        used, _, summed = rule.summed_normals()
+        normal = summed / np.linalg.norm(summed, axis=1)[:, None]
         known = KDTree(np.concatenate([points[used], points[facets].mean(axis=1)]))
-        self.normal[numbers] = np.concatenate([normal, normals])[known.query(places)[1]]
+        self.normal[numbers] = np.concatenate([normal, rule.normals])[known.query(places)[1]]
         depth, tangent = points[used] @ normal[0], np.array([-normal[0, 1], normal[0, 0]])
         straight = np.abs(normal - normal[0]).max() < 1e-9 and np.ptp(depth) < 1e-9 * self.size
         ways = (self.travel.low[numbers], self.travel.high[numbers])

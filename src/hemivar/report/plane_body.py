@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from hemivar.basics.types import Array, IntArray
 from hemivar.fem.area_average import over_area
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
+from hemivar.mesh.boundary_rule import BoundaryRule
 from hemivar.report.deformed import BodyColour, DeformedBody, round_number
 from hemivar.report.drawn_body import (
     GROUND,
@@ -112,10 +113,7 @@ class PlaneBody:
 
     def _foundation_lines(self, boundary: ContactBoundary) -> Iterator[FoundationLine]:
         corners = boundary.corners
-        normals, lengths = self.mesh.facet_normals(corners)
-        used, place = np.unique(corners, return_inverse=True)
-        summed = np.zeros((len(used), 2))
-        np.add.at(summed, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
+        used, _, summed = BoundaryRule.of(self.mesh, corners).summed_normals()
         normal = summed / np.linalg.norm(summed, axis=1)[:, None]
         contact = self.problem.contact
         assert contact.points is not None

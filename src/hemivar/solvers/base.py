@@ -1,4 +1,4 @@
-"""What a method supplies to the shared loop."""
+"""The contract of a method: the states, steps and ends that it supplies to the shared iteration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which method solves a problem if the user names none."""
+"""The default method: which one solves a problem by predicted time and memory if the user names none."""
 
 from __future__ import annotations
 
@@ -21,8 +21,6 @@ _SERVES, _PATIENCE = 0.6, 6.0
 _AFFORDABLE = 60.0
 #: Part of the free memory that a factorisation may take.
 _SHARE = 0.7
-#: Bytes that are always there, 16 MiB: to look takes longer than to solve such a problem.
-_LITTLE = 2.0**24
 
 
 def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
@@ -49,7 +47,7 @@ def _dimension(problem: DiscreteProblem) -> int:
 def _shortage(problem: DiscreteProblem) -> str | None:
     """Why the memory does not suffice for a factorisation, in words; None where it does."""
     needed = factorisation_bytes(problem.unknowns, _dimension(problem), problem.contact.trace.nnz)
-    free = available_bytes() if needed > _LITTLE else None
+    free = available_bytes() if needed > 2.0**24 else None  # to look takes longer than to solve what needs 16 MiB
     if free is None or needed <= _SHARE * free:
         return None
     return f"a factorisation would need about {needed / 2**30:.2g} GiB, free are {free / 2**30:.2g} GiB"

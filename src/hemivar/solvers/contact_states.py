@@ -1,4 +1,4 @@
-"""What contact points do: along the normal, and along the foundation; the one place where both are decided."""
+"""Contact states: open or closed along the normal, stick or slip along the foundation; both are decided here alone."""
 
 from __future__ import annotations
 
@@ -14,10 +14,19 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import VectorLaw
 
-__all__ = ["KINDS", "ContactStates", "Kind", "NormalState", "TangentialState", "contact_states", "state_words"]
+__all__ = [
+    "KINDS",
+    "ROUNDING",
+    "ContactStates",
+    "Kind",
+    "NormalState",
+    "TangentialState",
+    "contact_states",
+    "state_words",
+]
 
 #: What is rounding, of the largest displacement and multiplier.
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 
 
 class NormalState(IntEnum):
@@ -183,18 +192,18 @@ def contact_states(
     """
     if sizes is None:
         sizes = float(np.abs(local).max(initial=0.0)), float(np.abs(multiplier).max(initial=0.0))
-    small, weak = _ROUNDING * sizes[0], _ROUNDING * sizes[1]
+    small, weak = ROUNDING * sizes[0], ROUNDING * sizes[1]
     penetration, pressure = local[:, 0], multiplier[:, 0]
     lifted, pulled = penetration < -small, pressure < -weak
     normal = np.full(len(local), _CONTACT, dtype=np.int64)
     opened = lifted & (np.abs(pressure) <= weak)
-    held = pulled & lifted
+    bonded = pulled & lifted
     if (pulled & ~lifted).any():  # by a law that pulls where it touches, and not by what a solver leaves
-        held = pulled & law.pulls(local) | held
-    if (opened | held).any():
+        bonded = pulled & law.pulls(local) | bonded
+    if (opened | bonded).any():
         if past_peak is None:
             past_peak = law.past_peak(local, -pressure, small, weak)
-        normal = np.where(held, np.where(past_peak, _SOFTENING, _BONDED), normal)
+        normal = np.where(bonded, np.where(past_peak, _SOFTENING, _BONDED), normal)
         normal = np.where(opened, np.where(past_peak, _DEBONDED, _OPEN), normal)
     tangential = np.zeros(len(local), dtype=np.int64)
     if local.shape[1] > 1:

@@ -1,4 +1,4 @@
-"""When to stop, and whom to tell."""
+"""Stopping criteria: tolerances, limits of steps and time, and whom to tell."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from hemivar.basics.deadline import Budget, OutOfTime
 from hemivar.basics.known_keywords import known_fields
 from hemivar.errors import ProblemError
 
-__all__ = ["Budget", "Controls", "OutOfTime", "Progress"]
+__all__ = ["NEARLY", "NESTED", "Budget", "Controls", "OutOfTime", "Progress"]
 
 #: Largest relative tolerance.
 _COARSEST = 0.1
+#: Relative residual up to which an answer misses its tolerance by what methods and bounds of errors leave.
+NEARLY = 1e-6
 
 
 @dataclass(frozen=True)
@@ -127,3 +129,7 @@ class Controls:
             raise ProblemError(
                 f"Controls.callback is {described(self.callback)}; give a function that is called with each Progress"
             )
+
+
+#: How far coarser meshes are solved, where the first guess comes from.
+NESTED = Controls(rtol=1e-3, max_steps=15)

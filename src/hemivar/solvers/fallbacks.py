@@ -1,4 +1,4 @@
-"""Which methods are tried next where the one that was chosen fails: at most three, by how it ended."""
+"""Fallback methods: which are tried next where the one that was chosen fails, at most three, by how it ended."""
 
 from __future__ import annotations
 
@@ -25,9 +25,6 @@ __all__ = ["LOWER", "best_of", "others", "took_over"]
 #: What is said of a state downhill from rest beside which there is one of less energy.
 LOWER = "a state with lower energy exists, across a barrier; this one was found downhill from the unloaded state"
 
-#: Part of the way that a fixed point moves where it did not contract.
-_RELAXED = 0.3
-
 
 def others(first: Solver, ended: Status, problem: DiscreteProblem) -> Iterator[Solver]:
     """The methods to be tried after one that failed, in their order; none that refuses the problem.
@@ -42,9 +39,9 @@ def others(first: Solver, ended: Status, problem: DiscreteProblem) -> Iterator[S
             yield other
 
 
-def took_over(found: Solution, failed: Sequence[Solution]) -> str:
+def took_over(solution: Solution, failed: Sequence[Solution]) -> str:
     """The sentence of a result by a method that was tried after others."""
-    return f"{found.method} took over: {'; '.join(_ended(one) for one in failed)}"
+    return f"{solution.method} took over: {'; '.join(_ended(one) for one in failed)}"
 
 
 def best_of(failed: Sequence[Solution]) -> Solution:
@@ -67,7 +64,7 @@ def _frozen(solver: Solver, problem: DiscreteProblem) -> Solver | None:
 def _relaxed(solver: Solver, problem: DiscreteProblem) -> Solver | None:
     """The fixed point in smaller steps."""
     fixed = solver.fallback if isinstance(solver, SemismoothNewton) else solver
-    return replace(fixed, relaxation=_RELAXED, max_outer=200) if isinstance(fixed, FixedPoint) else None
+    return replace(fixed, relaxation=0.3, max_outer=200) if isinstance(fixed, FixedPoint) else None
 
 
 def _careful(solver: Solver, problem: DiscreteProblem) -> Solver | None:

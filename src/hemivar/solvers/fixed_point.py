@@ -1,4 +1,4 @@
-"""Laws whose friction bound depends on the solution: freeze the bound, solve, move on."""
+"""Fixed-point iteration for friction bounds that depend on the solution: freeze the bound, solve, move on."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["FixedPoint", "Outer"]
 
 _FATAL = (Status.NONFINITE, Status.UNBOUNDED, Status.NOT_CARRIED)
-#: Relative residual of an ordinary problem that has no solution, and after how many of them in a row there is none.
-_OFF, _UNSOLVED = 1e-3, 2
+#: Relative residual of an ordinary problem that has no solution; two of them in a row end the iteration.
+_OFF = 1e-3
 #: Multiples of the multiplier by which a bound is evaluated, one after the other, until friction holds the body: where
 #: it begins pressure may be elsewhere, or less, than in the end.
 _HOLDS = (1.0, 8.0, 64.0)
@@ -121,25 +121,25 @@ class FixedPoint(Solver):
         memory: Outer = state.memory
         rounding, part, evaluations = 64.0 * np.finfo(float).eps, 1.0, state.evaluations
         for part in _HOLDS if system.law.state_dependent else (1.0,):
-            ordinary, found, status = self._ordinary(system, state, part, budget)
-            evaluations += found.evaluations
+            ordinary, inner, status = self._ordinary(system, state, part, budget)
+            evaluations += inner.evaluations
             if status is not Status.UNBOUNDED:
                 break
         if status in (*_FATAL, *STOPPED):
-            return State(found.r, found.lam, evaluations, status, memory=memory, contraction=state.contraction)
+            return State(inner.r, inner.lam, evaluations, status, memory=memory, contraction=state.contraction)
         multiplier = np.where(
-            system.active, ordinary.law.nearest_multiplier(system.local(found.r), found.lam), found.lam
+            system.active, ordinary.law.nearest_multiplier(system.local(inner.r), inner.lam), inner.lam
         )
-        change = _size(system, found.r - memory.r, multiplier - memory.lam)
-        size = _size(system, found.r, multiplier)
+        change = _size(system, inner.r - memory.r, multiplier - memory.lam)
+        size = _size(system, inner.r, multiplier)
         settled = change <= rounding * size
         ratios = memory.ratios
         if np.isfinite(memory.change) and part == 1.0 and memory.change > 1e3 * rounding * size:
             ratios = (*ratios, change / memory.change)[-6:]
         contraction = float(np.exp(np.mean(np.log(np.maximum(ratios[-4:], 1e-300))))) if ratios else state.contraction
-        off = status is not Status.CONVERGED and not ordinary.residual(found.r, found.lam).relative <= _OFF
+        off = status is not Status.CONVERGED and not ordinary.residual(inner.r, inner.lam).relative <= _OFF
         unsolved = memory.unsolved + 1 if off else 0
-        ended = Status.STALLED if unsolved >= _UNSOLVED else None
+        ended = Status.STALLED if unsolved >= 2 else None
         if settled and part != 1.0:
             ended = Status.UNBOUNDED
         elif settled and status is not Status.CONVERGED:
@@ -148,14 +148,14 @@ class FixedPoint(Solver):
             ended = Status.NOT_CONTRACTING
         theta = self.relaxation
         new = Outer(
-            memory.r + theta * (found.r - memory.r),
+            memory.r + theta * (inner.r - memory.r),
             memory.lam + theta * (multiplier - memory.lam),
             change,
             ratios,
-            found.memory,
+            inner.memory,
             unsolved,
         )
-        return State(found.r, multiplier, evaluations, ended, memory=new, contraction=contraction)
+        return State(inner.r, multiplier, evaluations, ended, memory=new, contraction=contraction)
 
     def _ordinary(
         self, system: PointSystem, state: State, part: float, budget: Budget

@@ -1,4 +1,4 @@
-"""The bottom of the energy along a direction, straight across the pieces of the laws or stopped at their ends.
+"""Line search: the bottom of the energy along a direction, straight across pieces of laws or stopped at their ends.
 
 Along a direction the energy is smooth between the lengths at which contact points meet the knots of their laws, convex
 or not.  Where laws are quadratic in between, these lengths are sorted, and slope and curvature are summed up from one
@@ -21,16 +21,18 @@ from hemivar.systems.contact_moves import Search
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import LinearisedPoint
 
-__all__ = ["Bottom", "LineEnd", "SearchLine", "bottom_of_pieces", "energy_scale"]
+__all__ = ["ARMIJO", "ENERGY_ROUNDING", "Bottom", "LineEnd", "SearchLine", "bottom_of_pieces", "energy_scale"]
 
 #: What rounding makes of the energy along a line, relative to its parts.
 _ROUNDED = 1e-15
-#: Part of what the slope promises from which a whole step is good enough.
-_ENOUGH = 0.1
+#: Part of what the slope promises from which a step is good enough (Armijo 1966).
+ARMIJO = 0.1
+#: What rounding makes of an energy over a step, relative to its parts.
+ENERGY_ROUNDING = 1e-14
 #: Part of a length by which one is beside a knot, and within which a knot is met.
 _BESIDE, _MET = 1e-10, 1e-12
-#: The least length, how lengths grow until the energy rises, how often, and the most looks that close a bottom in.
-_NEAREST, _FURTHER, _GROWN, _LOOKS = 2.0**-60, 4.0, 60, 100
+#: The most looks that close a bottom in.
+_LOOKS = 100
 #: Part of the slope at the beginning that is none at a bottom.
 _LEVEL = 1e-3
 #: How far, in units of the way from zero, pieces are looked for.
@@ -45,7 +47,7 @@ class LineEnd:
 
     x: Array  # (m, d) or (n,)
     force: Array  # of the shape of x: load minus elastic force there
-    gain: float  # change of the energy, at most zero
+    energy_change: float  # change of the energy, at most zero
     tries: int = 0  # evaluations of the energy
     endless: bool = False  # whether the energy falls without end along the line
 
@@ -83,10 +85,10 @@ class SearchLine:
         search: Search = Search.GLOBAL,
     ) -> SearchLine:
         """The line from a point; ``bent`` is the elastic force that the direction takes away."""
-        value, force, way = system.law.value(at.r), at.force.ravel(), direction.ravel()
+        value, force, flat = system.law.value(at.r), at.force.ravel(), direction.ravel()
         slope, square, size = system.vectors.total(
-            float(force @ way),
-            float(way @ bent.ravel()),
+            float(force @ flat),
+            float(flat @ bent.ravel()),
             float(np.abs(force) @ np.abs(at.x.ravel())) + float(system.weights @ np.abs(value)),
         ).tolist()
         along, rounding = system.at_contact(direction), _ROUNDED * (abs(slope) + size)
@@ -110,8 +112,8 @@ class SearchLine:
         if convex and self._promised <= self.rounding:
             # No energy tells the places apart: slopes do.
             length = self._closed_in(self._slope_cut, self._first, 1.0).length
-            return self._end(length, self.cut(length), min(self.gain(length, self.cut(length)), 0.0), 2)
-        if convex and gained <= -_ENOUGH * self._promised:
+            return self._end(length, self.cut(length), min(self.energy_change(length, self.cut(length)), 0.0), 2)
+        if convex and gained <= -ARMIJO * self._promised:
             return self._best(ends)
         return self._best([*ends, *(end for end, _ in self._bottoms(1.0, cut_until=1.0, straight=straight))])
 
@@ -120,9 +122,9 @@ class SearchLine:
 
         Where the energy falls without end, a point far beyond the knots.
         """
-        found = self._bottoms(unit)
-        best = self._best([end for end, _ in found])
-        return replace(best, endless=any(endless for _, endless in found))
+        bottoms = self._bottoms(unit)
+        best = self._best([end for end, _ in bottoms])
+        return replace(best, endless=any(endless for _, endless in bottoms))
 
     def _bottoms(
         self, unit: float, cut_until: float = math.inf, straight: bool = False
@@ -131,11 +133,11 @@ class SearchLine:
         ends; and whether the energy falls without end there."""
         low, knots = self._bottom_across(unit)
         length, endless = self._within(low, unit)
-        found = [(self._look(length, self.across(length, knots)), endless)]
+        bottoms = [(self._look(length, self.across(length, knots)), endless)]
         if not straight:
             length, endless = self._within(self._closed_in(self._slope_cut, min(self._first, unit), cut_until), unit)
-            found.append((self._look(length, self.cut(length)), endless))
-        return found
+            bottoms.append((self._look(length, self.cut(length)), endless))
+        return bottoms
 
     def _within(self, low: Bottom, unit: float) -> tuple[float, bool]:
         """The length of a bottom, or one far beyond the knots; and whether the energy falls without end."""
@@ -155,7 +157,7 @@ class SearchLine:
         return LineEnd(self.at.x, self.at.force, 0.0, len(ends))
 
     def _look(self, length: float, candidate: Array) -> tuple[float, float, Array]:
-        return self.gain(length, candidate), length, candidate
+        return self.energy_change(length, candidate), length, candidate
 
     # ---- straight across the pieces -----------------------------------------------------------------------
 
@@ -197,10 +199,10 @@ class SearchLine:
         system, r, along = self.system, self.cut(length), self.along
         extra = self._aside(length, r)
         stopped = np.abs(extra) > _MET * (np.abs(r) + np.abs(length * along))
-        way = np.where(stopped, 0.0, along)
+        direction = np.where(stopped, 0.0, along)
         contact = self._pull(length) + system.couple(extra)
-        law = system.weights @ np.einsum("mi,mi->m", system.law.linearise(r).gradient, way)
-        own = float(np.vdot(extra, self._at_contact[0])) + float(np.vdot(contact, way - along)) + float(law)
+        law = system.weights @ np.einsum("mi,mi->m", system.law.linearise(r).gradient, direction)
+        own = float(np.vdot(extra, self._at_contact[0])) + float(np.vdot(contact, direction - along)) + float(law)
         return length * self.square - self.slope + float(system.vectors.total(own)[0])
 
     @cached_property
@@ -228,7 +230,7 @@ class SearchLine:
 
     # ---- the energy -----------------------------------------------------------------------------------------
 
-    def gain(self, length: float, candidate: Array) -> float:
+    def energy_change(self, length: float, candidate: Array) -> float:
         """Change of the energy, free of the cancellation of two large energies, and no lower than rounding lets it be.
 
         Along a motion that hardly deforms the body its forces are rounding, the larger the further it leads.
@@ -278,15 +280,15 @@ class SearchLine:
 
     def _closed_in(self, slope: Callable[[float], float], first: float, most: float) -> Bottom:
         """The first bottom that is seen where lengths grow from ``first`` on, up to ``most``."""
-        behind = max(first, _NEAREST) * (1.0 + 2.0 * _BESIDE)
+        behind = max(first, 2.0**-60) * (1.0 + 2.0 * _BESIDE)
         low, high, at_low = 0.0, min(behind, most), -2.0 * self._promised
-        for _ in range(_GROWN):
+        for _ in range(60):
             at_high = slope(high)
             if at_high >= 0.0:
                 return Bottom(self._between(slope, low, high, at_low, at_high))
             if high >= most:
                 return Bottom(most)
-            low, high, at_low = high, min(_FURTHER * high, most), at_high
+            low, high, at_low = high, min(4.0 * high, most), at_high
         return Bottom(0.0, endless=True)
 
     def _between(
@@ -299,23 +301,23 @@ class SearchLine:
             if knot is None:
                 break
             above, below = knot * (1.0 + _BESIDE), knot * (1.0 - _BESIDE)
-            if (found := slope(above)) < 0.0:
-                low, at_low = above, found
-            elif (found := slope(below)) < 0.0:
+            if (at_middle := slope(above)) < 0.0:
+                low, at_low = above, at_middle
+            elif (at_middle := slope(below)) < 0.0:
                 return knot
             else:
-                high, at_high = below, found
+                high, at_high = below, at_middle
         middle = low
         for _ in range(_LOOKS):
             part = at_low / (at_low - at_high) if 0.0 < at_high - at_low < math.inf else 0.5
             middle = low + min(max(part, 1e-3), 1.0 - 1e-3) * (high - low)
-            found = slope(middle)
-            if abs(found) <= level or high - low <= _BESIDE * high:
+            at_middle = slope(middle)
+            if abs(at_middle) <= level or high - low <= _BESIDE * high:
                 break
-            if found < 0.0:
-                low, at_low = middle, found
+            if at_middle < 0.0:
+                low, at_low = middle, at_middle
             else:
-                high, at_high = middle, found
+                high, at_high = middle, at_middle
         return middle
 
     def _middle_exit(self, low: float, high: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Load stepping: the load grows from zero, each solution being the start of the next."""
+"""Load stepping (incremental loading): the load grows from zero, each solution being the start of the next."""
 
 from __future__ import annotations
 
@@ -22,10 +22,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["Climb", "LoadStepping", "Reached", "SystemClimb"]
 
-#: Part of the load that is rounding, the shortest step, and the residual of an equilibrium that rounding hides.
-_ROUNDED, _SHORTEST, _NEAR = 1e-9, 1e-5, 1e-8
-#: How many times its own limit of steps a method has at a load: below the largest one its steps win little.
-_PATIENCE = 4
+#: The shortest step of the load factor, and the residual of an equilibrium that rounding hides.
+_SHORTEST, _NEAR = 1e-5, 1e-8
 
 
 def _local_descent() -> Solver:
@@ -111,21 +109,21 @@ class LoadStepping(Solver):
         return self.inner.refuse(problem)
 
     def begin(self, system: SolverSystem, start: State, budget: Budget) -> State:
-        found = result_of(SystemClimb(self, LoadLine.to(system.problem), budget, system=system).up(start))
-        r = system.start(found.at.r)
-        here = State(r, system.multiplier(r), found.at.evaluations)
-        if found.status in STOPPED:
-            return replace(here, ended=found.status)
-        if found.low == 1.0:
+        climbed = result_of(SystemClimb(self, LoadLine.to(system.problem), budget, system=system).up(start))
+        r = system.start(climbed.at.r)
+        here = State(r, system.multiplier(r), climbed.at.evaluations)
+        if climbed.status in STOPPED:
+            return replace(here, ended=climbed.status)
+        if climbed.low == 1.0:
             return self.inner.begin(system, here, budget)
-        if found.status is Status.UNBOUNDED or system.problem.limit is not None:
-            return replace(here, ended=Status.NOT_CARRIED, carried=(found.low, found.failed))
-        return replace(here, ended=found.status)
+        if climbed.status is Status.UNBOUNDED or system.problem.limit is not None:
+            return replace(here, ended=Status.NOT_CARRIED, carried=(climbed.low, climbed.failed))
+        return replace(here, ended=climbed.status)
 
     def _next(self, low: float, failed: float, length: float) -> float:
         """The next load factor: halfway to one that failed, and that one itself from close by."""
         if failed == np.inf:
-            return low + length if low + length < 1.0 - _ROUNDED else 1.0
+            return low + length if low + length < 1.0 - 1e-9 else 1.0
         return failed if self._close(low, failed) else 0.5 * (low + failed)
 
     def _close(self, low: float, high: float) -> bool:
@@ -214,14 +212,14 @@ class Climb(ABC):
         """What is reached with the next load factor, and whether one that is not carried is close to one that is."""
         low, failed = reached.low, reached.failed
         factor = self.method._next(low, failed, reached.length)
-        found, status = self._to(factor, reached.at)
+        end, status = self._to(factor, reached.at)
         onward = replace(reached, status=status, tried=reached.tried + 1)
         if status is Status.CONVERGED:
             length = min(1.0 / self.method.steps, 2.0 * (factor - low))
             return replace(
-                onward, at=found, low=factor, failed=failed if factor < failed else np.inf, length=length
+                onward, at=end, low=factor, failed=failed if factor < failed else np.inf, length=length
             ), False
-        at = replace(reached.at, evaluations=found.evaluations)
+        at = replace(reached.at, evaluations=end.evaluations)
         if status in STOPPED:
             return replace(onward, at=at), False
         return replace(onward, at=at, failed=factor), self.method._close(low, factor)
@@ -237,10 +235,10 @@ class SystemClimb(Climb):
         inner, system, budget = self.method.inner, self.system.for_problem(self.line.at(factor)), self.budget
         full = float(np.linalg.norm(self.system.problem.load))
         r = system.start(start.r)
-        most = _PATIENCE * inner.default_steps
+        most = 4 * inner.default_steps  # below the largest load steps win little
         controls = Controls(rtol=0.0, atol=self.method.rtol * full, max_time=budget.left, max_steps=most)
-        found, status, _ = iterate(inner, system, State(r, system.multiplier(r)), controls, budget)
-        inner.release(found)
-        if status not in STOPPED and system.residual(found.r, found.lam).total <= _NEAR * full:
+        end, status, _ = iterate(inner, system, State(r, system.multiplier(r)), controls, budget)
+        inner.release(end)
+        if status not in STOPPED and system.residual(end.r, end.lam).total <= _NEAR * full:
             status = Status.CONVERGED
-        return State(found.r, found.lam, start.evaluations + found.evaluations), status
+        return State(end.r, end.lam, start.evaluations + end.evaluations), status

@@ -1,4 +1,4 @@
-"""The loop that every method shares: step until the residual is small, the method ends, or a limit is reached."""
+"""The iteration that every method shares: step until the residual is small, the method ends, or a limit is reached."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _UNKNOWN = np.zeros(1, dtype=bool)
 #: What no progress is over the steps that a method has patience for: of the residual, and part of all energy won.
 _LITTLE, _WON = 0.999, 1e-8
 #: Extents of the body beyond which it is lost on laws that may let it go, or, where none is known, times what the load
-#: would press a contact point in; and how many steps in a row it must be there.
-_FAR, _BEYOND, _GONE = 100.0, 1e12, 3
+#: would press a contact point in.
+_FAR, _BEYOND = 100.0, 1e12
 
 #: Called with every state and the history up to it.
 Watch = Callable[[State, tuple[Progress, ...]], None]
@@ -98,8 +98,8 @@ def steps(
             if finite and (rank <= best_rank or certified):
                 best, best_rank = state, rank
             smallest = min(smallest, now.total if finite else np.inf)
-            told = controls.callback is not None and controls.callback(history[-1])
-            stop = (yield history[-1]) or told
+            asked = controls.callback is not None and controls.callback(history[-1])
+            stop = (yield history[-1]) or asked
             due = float(vectors.largest(CALLED if stop else budget.due())[0])
             size = _largest(system, state.r) if far != np.inf else 0.0
             away = away + 1 if size > far else 0
@@ -119,7 +119,7 @@ def steps(
                 status = state.ended
             elif due:
                 status = _stopped(due)
-            elif away >= _GONE:
+            elif away >= 3:  # steps in a row
                 status = Status.UNBOUNDED
             lowest.append(smallest)
             energies.append(energy)
@@ -215,13 +215,13 @@ def finish(
     if not system.vectors.largest(float(outside))[0] and law is not None:
         multipliers.append(np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam))
     unknowns, residuals = system.recover(state.r, *multipliers)
-    multiplier, found = state.lam, residuals[0]
-    if residuals[-1].total <= found.total + found.rounding:
-        multiplier, found = multipliers[-1], residuals[-1]
+    multiplier, residual = state.lam, residuals[0]
+    if residuals[-1].total <= residual.total + residual.rounding:
+        multiplier, residual = multipliers[-1], residuals[-1]
     if status is Status.INTERRUPTED:  # whoever asked for it must be told, however far it came
-        return unknowns, multiplier, found, status
-    if found.below(controls.atol, controls.rtol):
+        return unknowns, multiplier, residual, status
+    if residual.below(controls.atol, controls.rtol):
         status = Status.CONVERGED
-    elif status is Status.CONVERGED and not found.below(0.0, excused):
+    elif status is Status.CONVERGED and not residual.below(0.0, excused):
         status = Status.INACCURATE
-    return unknowns, multiplier, found, status
+    return unknowns, multiplier, residual, status

@@ -1,4 +1,4 @@
-"""The methods by the names that the command, the tables and ``solve(method=...)`` use."""
+"""The registry of methods by the names that the command, the tables and ``solve(method=...)`` use."""
 
 from __future__ import annotations
 
@@ -42,19 +42,7 @@ METHODS: Mapping[str, Solver] = _Methods()
 def method_named(name: str) -> Solver:
     """The method of a name, with its standard options.
 
-    Parameters
-    ----------
-    name : str
-        A key of ``METHODS``, such as ``"newton"``.
-
-    Returns
-    -------
-    Solver
-
-    Raises
-    ------
-    MethodError
-        There is no such method; the message lists all.
+    Raises MethodError: there is no such method; the message lists all.
     """
     if name not in METHODS:
         rest = f"; the methods of the survey are part of hemivar.survey, which is {MISSING}"
@@ -66,18 +54,7 @@ def method_named(name: str) -> Solver:
 def as_method(method: object) -> Solver | None:
     """A method given by its name or as an object, as an object; None stays None.
 
-    Parameters
-    ----------
-    method : Solver, str or None
-
-    Returns
-    -------
-    Solver or None
-
-    Raises
-    ------
-    MethodError
-        There is no such method, or it is neither a name nor a method.
+    Raises MethodError: there is no such method, or it is neither a name nor a method.
     """
     if method is None or isinstance(method, Solver):
         return method

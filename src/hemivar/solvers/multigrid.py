@@ -1,4 +1,4 @@
-"""Nonsmooth multigrid: contact at the price of a linear elastic solve by multigrid, on one machine or on many."""
+"""Nonsmooth multigrid (TNNMG): contact at the price of a linear elastic solve, on one machine or on many."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.controls import Budget, Controls
+from hemivar.solvers.controls import NESTED, Budget
 from hemivar.solvers.line_search import SearchLine
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
@@ -26,16 +26,12 @@ from hemivar.systems.contact_moves import snap_to_kinks
 from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["NonsmoothMultigrid", "nested_guess"]
+__all__ = ["TIGHTEST", "NonsmoothMultigrid", "nested_guess"]
 
-#: Relative residual up to which coarser meshes are solved, and the most steps there.
-_NESTED, _NESTED_STEPS = 1e-3, 15
-#: Tightest tolerance of conjugate gradients, relative to the load.
-_TIGHTEST = 1e-13
+#: Tightest tolerance of Newton's equation, relative to the load: what products in double precision leave.
+TIGHTEST = 1e-13
 #: Ends of a coarser body that lead nowhere.
 _LOST = (Status.UNBOUNDED, Status.NONFINITE)
-#: How often Newton's equation is solved on the pieces of the laws: once more for what rounding leaves.
-_CORRECTED = 2
 
 
 @dataclass(frozen=True)
@@ -97,7 +93,7 @@ class NonsmoothMultigrid(TruncatedNewton):
         return None
 
     def for_tolerance(self, rtol: float) -> Solver:
-        return self if self.tolerance is not None else replace(self, tolerance=max(0.1 * rtol, _TIGHTEST))
+        return self if self.tolerance is not None else replace(self, tolerance=max(0.1 * rtol, TIGHTEST))
 
     @property
     def direct(self) -> NonsmoothNewton:
@@ -106,7 +102,7 @@ class NonsmoothMultigrid(TruncatedNewton):
 
     @property
     def accuracy(self) -> Accuracy:
-        target = _TIGHTEST if self.tolerance is None else self.tolerance
+        target = TIGHTEST if self.tolerance is None else self.tolerance
         return Accuracy(target, self.absolute, self.iterations)
 
     @property
@@ -123,7 +119,7 @@ class NonsmoothMultigrid(TruncatedNewton):
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
         if not self.nested:
             return system.start(), None
-        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False)
+        rough = replace(self, tolerance=0.1 * NESTED.rtol, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False)
         return nested_guess(rough, self.direct, system, budget)
 
     def on_pieces(self, system: Body, x: Array) -> Array | None:
@@ -151,12 +147,12 @@ class NonsmoothMultigrid(TruncatedNewton):
 
     def _bottom(self, system: Body, equation: NewtonEquation, x: Array) -> Array | None:
         x = system.moved(x, snap_to_kinks(system, system.local(x)))
-        for _ in range(_CORRECTED):
+        for _ in range(2):  # once more for what rounding leaves
             at = LinearisedPoint.of(system, x, system.local(x), system.out_of_balance(x))
-            found = equation.solve(at, self.accuracy)
-            line = SearchLine.of(system, at, found.step, found.bent)
+            correction = equation.solve(at, self.accuracy)
+            line = SearchLine.of(system, at, correction.step, correction.bent)
             near = line.cut(1.0)
-            if found.negative is not None or not line.straight(near):
+            if correction.negative is not None or not line.straight(near):
                 return None
             x, _ = line.end(1.0, near)
         return x
@@ -197,30 +193,28 @@ def nested_guess(rough: Solver, direct: Solver, system: Body, budget: Budget) ->
 
 def _solution_below(rough: Solver, direct: Solver, below: Body, budget: Budget) -> tuple[Array | None, Status | None]:
     """All unknowns of a coarser body, None where it is lost, and a status where the search for them was stopped."""
-    controls, small = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS), below.condensed()
+    small = below.condensed()
     if small is not None:
-        return _solved(direct, small, controls, budget)
+        return _solved(direct, small, budget)
     x, stopped = nested_guess(rough, direct, below, budget)
     if stopped is not None:
         return x, stopped
-    found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
-    rough.release(found)
-    return None if status in _LOST else found.r, status if status in STOPPED else None
+    end, status, _ = iterate(rough, below, State(x, below.multiplier(x)), NESTED, budget)
+    rough.release(end)
+    return None if status in _LOST else end.r, status if status in STOPPED else None
 
 
-def _solved(
-    direct: Solver, system: CondensedProblem, controls: Controls, budget: Budget
-) -> tuple[Array | None, Status | None]:
+def _solved(direct: Solver, system: CondensedProblem, budget: Budget) -> tuple[Array | None, Status | None]:
     """The same of a small body."""
     r = system.start()
     lam = system.multiplier(r)
     if small_and_convex(system):
-        quick = active_set_newton(system, r, lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
+        quick = active_set_newton(system, r, lam, NESTED, NewtonCache(), rounds=FEW_ROUNDS)
         if quick is not None:
             return quick.unknowns, None
-    found, status, _ = iterate(direct, system, State(r, lam), controls, budget)
-    direct.release(found)
-    return None if status in _LOST else system.unknowns(found.r), status if status in STOPPED else None
+    end, status, _ = iterate(direct, system, State(r, lam), NESTED, budget)
+    direct.release(end)
+    return None if status in _LOST else system.unknowns(end.r), status if status in STOPPED else None
 
 
 def _bent(system: Body) -> bool:

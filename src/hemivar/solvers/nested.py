@@ -1,4 +1,4 @@
-"""Warm start over nested meshes: the solution on one mesh is the first guess on the next."""
+"""Nested iteration (warm start): the solution on one mesh is the first guess on the next."""
 
 from __future__ import annotations
 

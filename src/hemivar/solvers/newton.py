@@ -1,4 +1,4 @@
-"""The default method: truncated Newton on the body condensed onto its contact points."""
+"""The default method on small bodies: truncated nonsmooth Newton on the body condensed onto its contact points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Newton's method on the graphs of the laws, and its first rounds: primal-dual active sets, without a search.
+"""Semismooth Newton on the graphs of the laws, and its first rounds: primal-dual active sets, without a line search.
 
 With the multiplier ``lam = W^-1 (g - A r)`` in equilibrium with r and ``p = a r + lam``, a pair solves the problem
 where it is the one of the graphs of the laws at which p is what it is.  That is ``F(r) = lam(p) - lam = 0`` with the
@@ -64,8 +64,6 @@ ROUNDS = 6
 FEW_ROUNDS, _SMALL = 12, 600
 #: Part of the tolerance by which the multiplier may miss the law before the other unknowns are looked for.
 _PART = 0.5
-#: How far the stiffness of a chart is above the least one, of laws of the whole state.
-_ABOVE = 1.5
 #: Dense factors need no tolerance.
 _DIRECT = Accuracy(0.0, 0.0, 1)
 
@@ -109,7 +107,7 @@ class GraphEquation:
         above = law.curve_above if law.depends_on_whole_state else alphas
         if above is not None:
             least = [np.broadcast_to(one, len(pair)) for one in above]
-            pair = np.maximum(pair, _ABOVE * np.stack(least, axis=1))
+            pair = np.maximum(pair, 1.5 * np.stack(least, axis=1))
         chart = law.chart(pair, d) if law.is_curve(pair, d) else None
         if system.vectors.largest(float(chart is None))[0] or chart is None:
             return None
@@ -141,19 +139,19 @@ class GraphEquation:
 
         The point, what is out of balance there, and the cycles.
         """
-        system, place = self.system, point.on.r
+        system, r = self.system, point.on.r
         if not system.active.all():
-            place = np.where(system.active, place, system.fixed)
-        first = system.moved(point.x, place)
+            r = np.where(system.active, r, system.fixed)
+        first = system.moved(point.x, r)
         if point.force is None:
             force = system.out_of_balance(first)
         else:
             force = point.force - system.multiply_contact(first - point.x)
         at = LinearisedPoint.on_graph(system, first, force, point.on, self.stiffness)
-        found = self.equation.solve(at, accuracy)
-        if not found.convex or found.negative is not None or not math.isfinite(float(found.step.sum())):
+        correction = self.equation.solve(at, accuracy)
+        if not correction.convex or correction.negative is not None or not math.isfinite(float(correction.step.sum())):
             return None
-        return first + found.step, force - found.bent, found.cycles
+        return first + correction.step, force - correction.bent, correction.cycles
 
 
 @dataclass(eq=False)
@@ -180,11 +178,11 @@ class NewtonCache:
         """What makes the rounds in one call, where it can."""
         known = self._known
         if known is None or known[0] is not chart or known[1] is not system.matrix:
-            body, found = system.body, None
+            body, rounds = system.body, None
             tables = chart.in_one if isinstance(chart, ContactChart) else None
             if body.everywhere and system.shape[1] < 3 and tables is not None:
-                found = compiled_rounds(tables[0], system.matrix, system.weights, body.resilience, tables[1])
-            known = self._known = chart, system.matrix, found
+                rounds = compiled_rounds(tables[0], system.matrix, system.weights, body.resilience, tables[1])
+            known = self._known = chart, system.matrix, rounds
         return known[2]
 
 
@@ -240,8 +238,8 @@ def active_set_newton(
             return None
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
-        place = system.problem.contact.trace_of(unknowns) - system.problem.offset
-        residual = _residual(system, unknowns, place, of_law, start, compiled, out_of_balance)
+        local = system.problem.contact.trace_of(unknowns) - system.problem.offset
+        residual = _residual(system, unknowns, local, of_law, start, compiled, out_of_balance)
         if residual.below(controls.atol, controls.rtol):
             solution = Solution(
                 problem=system.problem,
@@ -258,7 +256,7 @@ def active_set_newton(
                     "recover": time.perf_counter() - iterated,
                 },
             )
-            vars(solution)["local"] = place  # what the property would find
+            vars(solution)["local"] = local  # what the property would find
             return solution
     return None
 
@@ -303,12 +301,12 @@ def _compiled_pairs(start: _Start, compiled: CompiledRounds) -> Iterator[_Pair]:
     r, lam, number = start.r, start.lam, 0
     atol, rtol = _PART * start.controls.atol, _PART * start.controls.rtol
     while number < start.rounds:
-        found = compiled.run(start.system.load, r, lam, start.rounds - number, atol, rtol, start.load)
-        if found is None or not found.settled:
+        rounds = compiled.run(start.system.load, r, lam, start.rounds - number, atol, rtol, start.load)
+        if rounds is None or not rounds.settled:
             return
-        r, lam, number = found.r, found.lam, number + found.count
-        if start.close(found.missed, found.force):
-            yield number, r, found.of_law
+        r, lam, number = rounds.r, rounds.lam, number + rounds.count
+        if start.close(rounds.missed, rounds.force):
+            yield number, r, rounds.of_law
 
 
 def _pairs(start: _Start) -> Iterator[_Pair]:
@@ -318,8 +316,8 @@ def _pairs(start: _Start) -> Iterator[_Pair]:
     r = start.r if whole else np.where(system.active, start.r, system.fixed)
     point = equation.begin(r, start.lam)
     for number in range(1, start.rounds + 1):
-        found = None if point is None else equation.step(point, _DIRECT)
-        point = None if found is None else equation.at(*found[:2])
+        step = None if point is None else equation.step(point, _DIRECT)
+        point = None if step is None else equation.at(*step[:2])
         if point is None:
             return
         missed, of_law = norm(equation.missed(point)), point.on.multiplier
@@ -386,8 +384,8 @@ def _residual(
         return Residual.of(norm(balance), inclusion, scale, size, rest.size)
 
     if known is not None:
-        found = of(known(u))
-        tolerance = controls.atol + controls.rtol * found.scale
-        if found.noise <= tolerance and found.total <= tolerance:
-            return found
+        residual = of(known(u))
+        tolerance = controls.atol + controls.rtol * residual.scale
+        if residual.noise <= tolerance and residual.total <= tolerance:
+            return residual
     return of(ForceResidual(*balanced(problem, u, body.entries)))

@@ -1,4 +1,4 @@
-"""Whether two states belong to one branch of solutions."""
+"""Whether two states lie on one branch of solutions: a solve from one of them leads to the other."""
 
 from __future__ import annotations
 
@@ -20,12 +20,6 @@ def on_one_branch(one: Solution, other: Solution, workspace: Workspace, controls
 
     They do not where the state jumps between the two, either way.  Where no force can fall there is one branch; on
     meshes of different sizes nothing is known, and True is returned.
-
-    Parameters
-    ----------
-    one, other : Solution
-    workspace : Workspace
-    controls : Controls, optional
     """
     if not (one.problem.law.softens or other.problem.law.softens) or one.unknowns.shape != other.unknowns.shape:
         return True
@@ -35,6 +29,6 @@ def on_one_branch(one: Solution, other: Solution, workspace: Workspace, controls
 def _leads(begin: Solution, end: Solution, workspace: Workspace, controls: Controls | None) -> bool:
     """Whether the way downhill from one state, under the load of the other, ends at the other."""
     method = default_method(end.problem, workspace).local_descent()
-    found = solve(end.problem, method, controls, initial=begin, workspace=workspace)
-    missed = float(np.abs(found.unknowns - end.unknowns).max(initial=0.0))
+    reached = solve(end.problem, method, controls, initial=begin, workspace=workspace)
+    missed = float(np.abs(reached.unknowns - end.unknowns).max(initial=0.0))
     return missed <= _SAME * float(np.abs(end.unknowns).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""Bodies that are not linear: contact problems of linear bodies in their place, and a search along the way to each."""
+"""Proximal Newton for nonlinear bodies: contact problems of tangents, and a line search along the way to each."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.controls import Budget, Controls, OutOfTime
+from hemivar.solvers.controls import NESTED, Budget, Controls, OutOfTime
+from hemivar.solvers.line_search import ARMIJO, ENERGY_ROUNDING
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
@@ -26,14 +27,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["ProximalMemory", "ProximalNewton"]
 
-#: Part of the fall of the model by which the energy must fall.
-_FALLS = 0.1
-#: What rounding makes of an energy, relative to its parts.
-_ROUNDED = 1e-14
 #: What methods are told of the accuracy that is wanted: they aim at a tenth of it, where half of what is wanted serves.
 _AIM = 5.0
-#: Relative residual up to which coarser meshes are solved, and the most steps there.
-_NESTED, _NESTED_STEPS = 1e-3, 15
 
 
 @dataclass(frozen=True)
@@ -121,10 +116,9 @@ class ProximalNewton(Solver):
             return system.start(), None
         x, stopped = self.first_guess(below, budget)
         if stopped is None:
-            rough = replace(self, tolerance=0.1 * _NESTED)
-            controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
-            found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
-            x, stopped = found.r, status if status in STOPPED else None
+            rough = replace(self, tolerance=0.1 * NESTED.rtol)
+            end, status, _ = iterate(rough, below, State(x, below.multiplier(x)), NESTED, budget)
+            x, stopped = end.r, status if status in STOPPED else None
         return system.start(system.from_below(x)), stopped
 
     def begin(self, system: NonlinearSystem, start: State, budget: Budget) -> State:
@@ -143,10 +137,10 @@ class ProximalNewton(Solver):
             tangent = model.prepared(accurate.prepare)
             begin = tangent.start(tangent.of_unknowns(state.r))
             controls = Controls(rtol=0.0, atol=wanted, max_time=budget.left)
-            found, status, _ = iterate(accurate, tangent, State(begin, tangent.multiplier(begin)), controls, budget)
-            evaluations += found.evaluations
-            end = tangent.recover(found.r, found.lam)[0]
-            accurate.release(found)
+            inner, status, _ = iterate(accurate, tangent, State(begin, tangent.multiplier(begin)), controls, budget)
+            evaluations += inner.evaluations
+            end = tangent.recover(inner.r, inner.lam)[0]
+            accurate.release(inner)
             if status in STOPPED or status is Status.UNBOUNDED:
                 return replace(state, evaluations=evaluations, ended=status)
             reached = _Line.of(system, state, end - state.r, model).search(self.halvings)
@@ -186,10 +180,10 @@ def _state(
 ) -> State:
     """The state at a place where the force that is left is known; and the energy, if it was compared with another."""
     lam = system.multiplier(x, force)
-    found = system.residual(x, lam, force)
-    memory = ProximalMemory(force, found.total if first is None else first)
+    residual = system.residual(x, lam, force)
+    memory = ProximalMemory(force, residual.total if first is None else first)
     energy = system.energy(x) if energy is None else energy
-    return State(x, lam, evaluations, energy=energy, residual=found, memory=memory)
+    return State(x, lam, evaluations, energy=energy, residual=residual, memory=memory)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +192,7 @@ class _Line:
 
     system: NonlinearSystem
     x: Array  # (n,)
-    way: Array  # (n,)
+    direction: Array  # (n,)
     total: float  # residual at x
     energy: float
     contact: float  # the part of the energy that contact points have
@@ -207,26 +201,26 @@ class _Line:
     rounding: float  # what the arithmetic alone makes of a difference of energies
 
     @staticmethod
-    def of(system: NonlinearSystem, state: State, way: Array, model: LinearBody) -> _Line:
+    def of(system: NonlinearSystem, state: State, direction: Array, model: LinearBody) -> _Line:
         assert state.residual is not None
         assert state.energy is not None
         contact, load = _contact(system, state.r), system.load
         work, size, slope, square = system.vectors.total(
-            float(load @ state.r), float(np.abs(load) @ np.abs(state.r)), float(state.memory.force @ way),
-            float(way @ model.multiply(way)),
+            float(load @ state.r), float(np.abs(load) @ np.abs(state.r)), float(state.memory.force @ direction),
+            float(direction @ model.multiply(direction)),
         ).tolist()  # fmt: skip
         stored = state.energy - system.constant - contact + work
         parts = abs(stored) + size + abs(contact) + abs(system.constant)
         return _Line(
             system,
             state.r,
-            way,
+            direction,
             state.residual.total,
             state.energy,
             contact,
             slope,
             square,
-            _ROUNDED * parts,
+            ENERGY_ROUNDING * parts,
         )
 
     def fall(self, length: float, contact: float) -> float:
@@ -237,13 +231,13 @@ class _Line:
         """Where the energy falls enough, (n,), and the energy there; None where it does not."""
         length = 1.0
         for attempt in range(halvings + 1):
-            new = self.x + length * self.way
+            new = self.x + length * self.direction
             contact = _contact(self.system, new)
             model = self.fall(length, contact)
             if math.isfinite(contact):
                 energy = self.system.energy(new)
                 fall = energy - self.energy
-                if model < 0.0 and fall <= _FALLS * model:
+                if model < 0.0 and fall <= ARMIJO * model:
                     return new, energy
                 rounded = max(abs(model), fall) <= self.rounding
                 if attempt == 0 and rounded and self._better(new):

@@ -1,4 +1,4 @@
-"""Newton's method on the graphs of the laws, from any start: steps are halved until |F| falls, with fall backs.
+"""Globalised semismooth Newton on the graphs of the laws: steps are halved until |F| falls, with fallbacks.
 
 The equation is that of :mod:`hemivar.solvers.newton_on_graph`.  Where the law depends on the state there is no energy,
 and |F| is what falls.
@@ -21,7 +21,7 @@ from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.loop import iterate
-from hemivar.solvers.multigrid import NonsmoothMultigrid, nested_guess
+from hemivar.solvers.multigrid import TIGHTEST, NonsmoothMultigrid, nested_guess
 from hemivar.solvers.newton_on_graph import SEMISMOOTH, GraphEquation, GraphPoint
 from hemivar.solvers.status import Status, check_interrupt
 from hemivar.solvers.truncated_newton import TruncatedNewton
@@ -43,20 +43,16 @@ _HIDDEN = 1e-6
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
 _FIRST, _SETTLED = 0.1, 1e-3
-#: How much more may be left of |F| than of Newton's equation where F is straight.
-_STRAIGHT = 2.0
 #: Part of the load that a step of the fixed point leaves from where Newton's equation begins again.
 _ROUGH = 1e-2
 #: How often larger a whole step may make |F|: Newton's equation leads astray beyond that.
 _ASTRAY = 10.0
-#: Part of the tolerance to which it is solved at the least, and the tightest one, relative to the load.
-_AIM, _TIGHTEST = 0.1, 1e-13
 #: Part of the energy norm up to which states are the same.
 _SAME = 1e-6
 #: Rounds, and the part of |F| that has to be gone after as many: else another way is thought better.
 _PATIENCE, _GAINED = 5, 0.1
-#: Part of the bound by which it is raised first, and the least one.
-_RAISED, _LEAST = 0.25, 1.0 / 512.0
+#: The least part of the bound by which it is raised.
+_LEAST = 1.0 / 512.0
 
 
 @dataclass(frozen=True)
@@ -142,7 +138,7 @@ class SemismoothNewton(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         fallback = self.fallback.for_tolerance(rtol)
         assert isinstance(fallback, FixedPoint)
-        own = max(_AIM * rtol, _TIGHTEST) if self.tolerance is None else self.tolerance
+        own = max(0.1 * rtol, TIGHTEST) if self.tolerance is None else self.tolerance
         return replace(self, fallback=fallback, tolerance=own)
 
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
@@ -166,8 +162,8 @@ class SemismoothNewton(Solver):
         point = None if search is None else search.at(start.r)
         if search is None or point is None:
             return self._fixed(system, start, start, budget)
-        way = _Way(start, search, replace(point, part=_SETTLED if self.settled else _FIRST))
-        return self._at(system, point, way, State(start.r, start.lam, 1))
+        memory = _Memory(start, search, replace(point, part=_SETTLED if self.settled else _FIRST))
+        return self._at(system, point, memory, State(start.r, start.lam, 1))
 
     @property
     def _accuracy(self) -> Accuracy:
@@ -175,60 +171,66 @@ class SemismoothNewton(Solver):
         inner = self.fallback.inner
         if self.condenses or not isinstance(inner, TruncatedNewton):
             return Accuracy(0.0, 0.0, 1)
-        return replace(inner.accuracy, tolerance=self.tolerance or _TIGHTEST, absolute=self.absolute)
+        return replace(inner.accuracy, tolerance=self.tolerance or TIGHTEST, absolute=self.absolute)
 
-    def _at(self, system: ContactSystem, point: _Place, way: _Way, state: State) -> State:
+    def _at(self, system: ContactSystem, point: _Iterate, memory: _Memory, state: State) -> State:
         """The state at a point."""
-        found = system.residual(point.x, point.lam, point.force)
+        residual = system.residual(point.x, point.lam, point.force)
         energy = system.energy(point.x, point.lam, point.force)
         return State(
-            point.x, point.lam, state.evaluations, energy=energy, residual=found, memory=way, fallbacks=state.fallbacks
+            point.x,
+            point.lam,
+            state.evaluations,
+            energy=energy,
+            residual=residual,
+            memory=memory,
+            fallbacks=state.fallbacks,
         )
 
     def step(self, system: ContactSystem, state: State, budget: Budget) -> State:
-        way: _Way = state.memory
-        if way.outer is not None:
-            return self._followed(system, way, state, budget)
-        search, point = way.search, way.point
+        memory: _Memory = state.memory
+        if memory.outer is not None:
+            return self._followed(system, memory, state, budget)
+        search, point = memory.search, memory.point
         assert search is not None
         assert point is not None
         if search.rounded(point):
-            return self._last(system, way, state, budget)
+            return self._last(system, memory, state, budget)
         fallbacks, new = state.fallbacks, None
-        if way.rounds < self.rounds and not _creeps(way.past):
+        if memory.rounds < self.rounds and not _creeps(memory.past):
             # Where glue lets go |F| creeps along; a step of the fixed point, whose energy falls, leads past that.
-            tries = 1 if search.softens and not way.frozen else self.halvings
-            new = search.lower(point, tries, budget, math.inf if way.frozen else _ASTRAY)
-        if new is None and not way.frozen:
-            return self._frozen(system, way, state, budget)
+            tries = 1 if search.softens and not memory.frozen else self.halvings
+            new = search.lower(point, tries, budget, math.inf if memory.frozen else _ASTRAY)
+        if new is None and not memory.frozen:
+            return self._frozen(system, memory, state, budget)
         if new is None:
             fallbacks += 1
-            new = self._raised(search, way.start.r, budget) if way.rounds >= 0 else None
-            way = replace(way, rounds=-self.rounds, past=())
+            new = self._raised(search, memory.start.r, budget) if memory.rounds >= 0 else None
+            memory = replace(memory, rounds=-self.rounds, past=())
         state = replace(state, evaluations=state.evaluations + (1 if new is None else new.cycles), fallbacks=fallbacks)
         if new is None:
             search.release()
-            fixed = self._fixed(system, way.start, state, budget)
+            fixed = self._fixed(system, memory.start, state, budget)
             return self._followed(system, fixed.memory, fixed, budget)
-        return self._at(system, new, way.after(new), state)
+        return self._at(system, new, memory.after(new), state)
 
-    def _last(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
+    def _last(self, system: ContactSystem, memory: _Memory, state: State, budget: Budget) -> State:
         """A step from where |F| is rounding: what a pair misses its law by may be more, and may still fall."""
-        assert way.search is not None
-        assert way.point is not None
-        new = way.search.whole(way.point, budget)
+        assert memory.search is not None
+        assert memory.point is not None
+        new = memory.search.whole(memory.point, budget)
         ended = replace(state, ended=Status.STALLED)
         if new is None:
             return ended
-        found = self._at(system, new, way.after(new), replace(state, evaluations=state.evaluations + new.cycles))
-        assert found.residual is not None
+        after = self._at(system, new, memory.after(new), replace(state, evaluations=state.evaluations + new.cycles))
+        assert after.residual is not None
         assert state.residual is not None
-        return found if found.residual.total < 0.5 * state.residual.total else ended
+        return after if after.residual.total < 0.5 * state.residual.total else ended
 
     def settle(self, system: ContactSystem, state: State, budget: Budget) -> State | None:
-        way: _Way = state.memory
+        memory: _Memory = state.memory
         law = system.law_at(state.r, state.lam)
-        if way.outer is not None or all((alpha == 0.0).all() for alpha in law.weak_convexity):
+        if memory.outer is not None or all((alpha == 0.0).all() for alpha in law.weak_convexity):
             return None
         inner, frozen = self.fallback.inner, system.with_law(law)
         begun = inner.begin(frozen, State(state.r, state.lam), budget)
@@ -236,11 +238,11 @@ class SemismoothNewton(Solver):
             lower = inner.settle(frozen, begun, budget)
         finally:
             inner.release(begun)
-        if lower is None and self._leads_there(frozen, way.start, state, budget):
+        if lower is None and self._leads_there(frozen, memory.start, state, budget):
             return None
-        if way.search is not None:
-            way.search.release()
-        start = way.start if lower is None else State(lower.r, lower.lam)
+        if memory.search is not None:
+            memory.search.release()
+        start = memory.start if lower is None else State(lower.r, lower.lam)
         return self._fixed(system, start, state, budget)
 
     def _leads_there(self, frozen: ContactSystem, start: State, state: State, budget: Budget) -> bool:
@@ -249,51 +251,51 @@ class SemismoothNewton(Solver):
         if not isinstance(inner, TruncatedNewton) or inner.search is Search.GLOBAL:
             return True
         begun = State(start.r, frozen.multiplier(start.r))
-        found, status, _ = iterate(inner, frozen, begun, Controls(rtol=self.fallback.inner_rtol), budget)
-        inner.release(found)
+        end, status, _ = iterate(inner, frozen, begun, Controls(rtol=self.fallback.inner_rtol), budget)
+        inner.release(end)
         check_interrupt(status)
-        return frozen.stretch(found.r - state.r) <= _SAME * frozen.stretch(state.r)
+        return frozen.stretch(end.r - state.r) <= _SAME * frozen.stretch(state.r)
 
     def release(self, state: State) -> None:
-        way = state.memory
-        if isinstance(way, _Way) and way.outer is not None:
-            self.fallback.release(way.outer)
-        elif isinstance(way, _Way) and way.search is not None:
-            way.search.release()
+        memory = state.memory
+        if isinstance(memory, _Memory) and memory.outer is not None:
+            self.fallback.release(memory.outer)
+        elif isinstance(memory, _Memory) and memory.search is not None:
+            memory.search.release()
 
     def _fixed(self, system: ContactSystem, start: State, state: State, budget: Budget) -> State:
         """The fixed point from a start, from now on."""
         outer = self.fallback.begin(system, start, budget)
         return replace(
-            outer, evaluations=state.evaluations, memory=_Way(start, outer=outer), fallbacks=state.fallbacks + 1
+            outer, evaluations=state.evaluations, memory=_Memory(start, outer=outer), fallbacks=state.fallbacks + 1
         )
 
-    def _frozen(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
+    def _frozen(self, system: ContactSystem, memory: _Memory, state: State, budget: Budget) -> State:
         """A step of the fixed point, whose energy falls from any start; Newton's equation goes on from there."""
-        assert way.search is not None
+        assert memory.search is not None
         inner = self.fallback.inner
-        inner = replace(inner, tolerance=_AIM * _ROUGH) if isinstance(inner, NonsmoothMultigrid) else inner
+        inner = replace(inner, tolerance=0.1 * _ROUGH) if isinstance(inner, NonsmoothMultigrid) else inner
         rough = replace(self.fallback, inner=inner, inner_rtol=max(_ROUGH, self.fallback.inner_rtol))
-        found = rough.step(system, rough.begin(system, way.start, budget), budget)
-        rough.release(found)
-        found = replace(found, evaluations=state.evaluations + found.evaluations, fallbacks=state.fallbacks + 1)
-        point = None if found.ended is not None else way.search.at(found.r)
+        end = rough.step(system, rough.begin(system, memory.start, budget), budget)
+        rough.release(end)
+        end = replace(end, evaluations=state.evaluations + end.evaluations, fallbacks=state.fallbacks + 1)
+        point = None if end.ended is not None else memory.search.at(end.r)
         if point is None:
-            way.search.release()
-            return found if found.ended is not None else self._fixed(system, found, found, budget)
-        return self._at(system, point, _Way(State(found.r, found.lam), way.search, point, frozen=True), found)
+            memory.search.release()
+            return end if end.ended is not None else self._fixed(system, end, end, budget)
+        return self._at(system, point, _Memory(State(end.r, end.lam), memory.search, point, frozen=True), end)
 
-    def _followed(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
+    def _followed(self, system: ContactSystem, memory: _Memory, state: State, budget: Budget) -> State:
         """A step of the fixed point."""
-        assert way.outer is not None
-        outer = self.fallback.step(system, way.outer, budget)
-        return replace(outer, memory=replace(way, outer=outer), fallbacks=state.fallbacks)
+        assert memory.outer is not None
+        outer = self.fallback.step(system, memory.outer, budget)
+        return replace(outer, memory=replace(memory, outer=outer), fallbacks=state.fallbacks)
 
-    def _raised(self, search: _Search, start: Array, budget: Budget) -> _Place | None:
+    def _raised(self, search: _Search, start: Array, budget: Budget) -> _Iterate | None:
         """The solution to which the one without friction leads while the bound is raised to what it is."""
         first = search.times(0.0)
         point = None if first is None else self._solved(first, start, budget)
-        done, part = 0.0, _RAISED
+        done, part = 0.0, 0.25
         while point is not None and done < 1.0:
             here = min(done + part, 1.0)
             raised = search.times(here)
@@ -307,7 +309,7 @@ class SemismoothNewton(Solver):
                 part *= 0.5
         return point
 
-    def _solved(self, search: _Search, x: Array, budget: Budget) -> _Place | None:
+    def _solved(self, search: _Search, x: Array, budget: Budget) -> _Iterate | None:
         """The solution that Newton's equation leads to from a point."""
         point, cycles, past = search.at(x), 0, list[float]()
         for _ in range(self.rounds):
@@ -323,7 +325,7 @@ class SemismoothNewton(Solver):
 
 
 @dataclass(frozen=True, eq=False)
-class _Place(GraphPoint):
+class _Iterate(GraphPoint):
     """A point, and how far it is off the laws and its own equilibrium."""
 
     off: float = np.inf  # |F|, as a force
@@ -348,12 +350,12 @@ class _Search:
         """Give the memory of Newton's equation back."""
         self.equation.equation.release()
 
-    def rounded(self, place: _Place) -> bool:
+    def rounded(self, point: _Iterate) -> bool:
         """Whether |F| is what rounding leaves of it in an answer; the sizes of a point are no smaller, and known."""
         system = self.equation.system
-        if place.off > self._rounding(place, system.rounding_sizes(place.x)):
+        if point.off > self._rounding(point, system.rounding_sizes(point.x)):
             return False
-        return place.off <= self._rounding(place, system.answer_sizes(place.x))
+        return point.off <= self._rounding(point, system.answer_sizes(point.x))
 
     def _rounding(self, point: GraphPoint, sizes: Array) -> float:
         """What rounding leaves in F of what has these sizes."""
@@ -366,63 +368,63 @@ class _Search:
         size = float(system.vectors.norms(system.weights[:, None] * point.lam)[0])
         return self._rounding(point, system.rounding_sizes(point.x)) <= _HIDDEN * system.load_scale.of(size)
 
-    def at(self, x: Array, cycles: int = 0, force: Array | None = None) -> _Place | None:
+    def at(self, x: Array, cycles: int = 0, force: Array | None = None) -> _Iterate | None:
         """A point with |F|, ``force`` being what is out of balance there; None where that is not known."""
         point, system = self.equation.at(x, force), self.equation.system
         if point is None or point.force is None:
             return None
         rest = system.less_contact(point.force, system.weights[:, None] * point.lam)
         off = norm(system.vectors.norms(self.equation.missed(point), rest))
-        return _Place(**vars(point), off=off, cycles=cycles) if np.isfinite(off) else None
+        return _Iterate(**vars(point), off=off, cycles=cycles) if np.isfinite(off) else None
 
-    def whole(self, place: _Place, budget: Budget) -> _Place | None:
+    def whole(self, point: _Iterate, budget: Budget) -> _Iterate | None:
         """The place after a whole step, wherever that leads."""
-        found = self.equation.step(place, replace(self.accuracy, due=budget.due))
+        step = self.equation.step(point, replace(self.accuracy, due=budget.due))
         budget.check()
-        return None if found is None else self.at(found[0], found[2])
+        return None if step is None else self.at(step[0], step[2])
 
-    def lower(self, place: _Place, halvings: int, budget: Budget, astray: float = math.inf) -> _Place | None:
+    def lower(self, point: _Iterate, halvings: int, budget: Budget, astray: float = math.inf) -> _Iterate | None:
         """The place after a step that lowers |F|; None where there is none, or where |F| grows beyond ``astray`` times
         itself along the whole of it."""
         accuracy = self.accuracy
-        accuracy = replace(accuracy, absolute=accuracy.absolute + place.part * place.off, due=budget.due)
-        found = self.equation.step(place, accuracy)
+        accuracy = replace(accuracy, absolute=accuracy.absolute + point.part * point.off, due=budget.due)
+        step = self.equation.step(point, accuracy)
         budget.check()
-        if found is None:
+        if step is None:
             return None
-        (end, force, cycles), length, first = found, 1.0, place.x
+        (end, force, cycles), length, first = step, 1.0, point.x
         for halved in range(halvings):
             x = first + length * (end - first) if halved else end
             new = self.at(x, cycles, None if halved else self.equation.system.refreshed(x, force))
-            if new is not None and new.off < (1.0 - _FALLS * length) * place.off and self.tells(new):
-                return replace(new, part=_part(place, new))
-            if not halved and new is not None and new.off > astray * place.off:
+            if new is not None and new.off < (1.0 - _FALLS * length) * point.off and self.tells(new):
+                return replace(new, part=_part(point, new))
+            if not halved and new is not None and new.off > astray * point.off:
                 return None
             length *= 0.5
         return None
 
 
-def _part(before: _Place, place: _Place) -> float:
-    """See :class:`_Place`: less where what moves is what moved before, and |F| has fallen as it was solved."""
-    moving = [np.einsum("mii->mi", one.on.jacobian) != 0.0 for one in (before, place)]  # entries beside may be rounding
-    if not np.array_equal(*moving) or place.off > _STRAIGHT * _FIRST * before.off:
+def _part(before: _Iterate, point: _Iterate) -> float:
+    """See :class:`_Iterate`: less where what moves is what moved before, and |F| has fallen as it was solved."""
+    moving = [np.einsum("mii->mi", one.on.jacobian) != 0.0 for one in (before, point)]  # entries beside may be rounding
+    if not np.array_equal(*moving) or point.off > 2.0 * _FIRST * before.off:
         return _FIRST
-    return _SETTLED if place.off > _STRAIGHT * _SETTLED * before.off else 0.0
+    return _SETTLED if point.off > 2.0 * _SETTLED * before.off else 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class _Memory:
     """Where the method is."""
 
     start: State  # where it began
     search: _Search | None = None
-    point: _Place | None = None
+    point: _Iterate | None = None
     rounds: int = 0  # Newton's equations that were solved; counted from below zero once the bound was raised in parts
     frozen: bool = False  # whether it has begun anew from a solution with a frozen bound
     outer: State | None = None  # that of the fixed point, once it has taken over
     past: tuple[float, ...] = ()  # |F| at the points so far
 
-    def after(self, point: _Place) -> _Way:
+    def after(self, point: _Iterate) -> _Memory:
         """One round further."""
         return replace(self, point=point, rounds=self.rounds + 1, past=(*self.past, point.off))
 

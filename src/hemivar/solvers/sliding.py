@@ -1,4 +1,4 @@
-"""Parts that contact alone holds and that have slid: how far, and whether the residual tells where they are."""
+"""Rigid sliding of parts that contact alone holds: how far, and whether the residual tells where they are."""
 
 from __future__ import annotations
 
@@ -12,21 +12,19 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.discrete.rigid_modes import admitted
 from hemivar.laws import VectorLaw
-from hemivar.solvers.contact_states import TangentialState
+from hemivar.solvers.contact_states import ROUNDING, TangentialState
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 
-__all__ = ["told_of_slides"]
+__all__ = ["with_slides"]
 
-#: Part of the largest pressure from which a contact point presses.
-_PRESSED = 1e-9
 #: A slide that is doubled must raise what is out of balance along it by this, for the residual to tell where it ends.
 _TOLD = 10.0
 #: Parts of a slide by which it is moved on: friction that weakens may be gone at the whole one.
 _ON = (1e-3, 1.0)
 
 
-def told_of_slides(solution: Solution) -> Solution:
+def with_slides(solution: Solution) -> Solution:
     """A converged solution, with what must be said of parts that contact alone holds.
 
     A part is moved on along the way that it has slid.  Where that leaves what is out of balance along it as small as it
@@ -36,7 +34,7 @@ def told_of_slides(solution: Solution) -> Solution:
     if solution.status is not Status.CONVERGED:
         return solution
     slides = list(_slides(solution.problem, solution))
-    if not all(slide.told(solution) for slide in slides):
+    if not all(slide.is_determined(solution) for slide in slides):
         return replace(solution, status=Status.AT_LIMIT)
     far = max((slide.far for slide in slides), default=0.0)
     return replace(solution, remarks=(*solution.remarks, _FAR.format(far))) if far > 1.0 else solution
@@ -52,21 +50,21 @@ _FAR = (
 class _Slide:
     """How a group of parts has slid without strain, its contact being kept."""
 
-    way: Array  # unknowns (n,)
+    motion: Array  # unknowns (n,)
     size: float  # of the group
     slip: float  # its largest one
 
     @property
     def far(self) -> float:
         """How far, in its own sizes."""
-        return float(np.abs(self.way).max()) / self.size
+        return float(np.abs(self.motion).max()) / self.size
 
-    def told(self, solution: Solution) -> bool:
+    def is_determined(self, solution: Solution) -> bool:
         """Whether the balance of the group tells where it is."""
         problem, lam = solution.problem, solution.multiplier
         law = problem.law.frozen(solution.local, lam)
         r = law.fitted(solution.local, lam, contact_compliance(problem))
-        there = problem.contact.trace_of(max(1.0, self.slip / float(np.abs(self.way).max())) * self.way)
+        there = problem.contact.trace_of(max(1.0, self.slip / float(np.abs(self.motion).max())) * self.motion)
         here, *beyond = (self._off(problem, law, r + part * there, lam) for part in (0.0, *_ON))
         noise = solution.residual.noise
         # Forces within the cones balance the load: what is in balance to rounding is an equilibrium.
@@ -77,7 +75,9 @@ class _Slide:
         """What friction at local displacements r, under the pressure of a multiplier, leaves of the load on the way."""
         rubs = law.nearest_multiplier(r, lam)
         rubs[:, 0] = lam[:, 0]
-        return abs(float(self.way @ (problem.load - problem.contact_force(rubs)))) / float(np.linalg.norm(self.way))
+        return abs(float(self.motion @ (problem.load - problem.contact_force(rubs)))) / float(
+            np.linalg.norm(self.motion)
+        )
 
 
 def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
@@ -86,14 +86,14 @@ def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
         return
     free, pressure = problem.model.free_motions, np.abs(solution.multiplier[:, 0])
     bears = np.linalg.norm(solution.multiplier, axis=1)
-    sticks = (solution.tangential_state == TangentialState.STICK) & (bears > _PRESSED * bears.max(initial=0.0))
+    sticks = (solution.tangential_state == TangentialState.STICK) & (bears > ROUNDING * bears.max(initial=0.0))
     trace = (problem.contact.trace @ rigid.basis).toarray().reshape(*problem.contact.shape, rigid.count)
-    pressed = trace[pressure > _PRESSED * pressure.max(initial=0.0), 0]
+    pressed = trace[pressure > ROUNDING * pressure.max(initial=0.0), 0]
     for group, columns in zip(free.groups, rigid.groups, strict=True):
         motions = rigid.basis[:, columns].toarray() @ admitted(pressed[:, columns])
-        way = motions @ (motions.T @ solution.unknowns)
+        motion = motions @ (motions.T @ solution.unknowns)
         own = np.abs(trace[:, 1:, columns]).any(axis=(1, 2))
         slip = float(np.abs(solution.local[own, 1:]).max(initial=0.0))
-        if way.any() and slip > 0.0 and not (own & sticks).any():
+        if motion.any() and slip > 0.0 and not (own & sticks).any():
             nodes = np.unique(free.motions[:, group.columns].indices // field.components)
-            yield _Slide(way, float(np.ptp(field.nodes[nodes], axis=0).max()), slip)
+            yield _Slide(motion, float(np.ptp(field.nodes[nodes], axis=0).max()), slip)

@@ -1,4 +1,4 @@
-"""What a solve returns."""
+"""What a solve returns: displacement, multiplier, status, residual, and what follows from them."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         """What the numbers do not show by themselves, such as locking or large strains; one sentence each."""
         strained = None if self.deformation is None else self.deformation.warning
         slid = slid_beyond(self.problem, self.unknowns)
-        return tuple(said for said in (*self.problem.notes, *self.remarks, strained, slid) if said is not None)
+        return tuple(message for message in (*self.problem.notes, *self.remarks, strained, slid) if message is not None)
 
     @property
     def remedy(self) -> str:
@@ -134,23 +134,23 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         if self.carried is None:
             return self.status.remedy
         low, high = self.carried
-        found = f"while the load grew from zero equilibria were found up to {low:.4g} of it, and none at {high:.4g}"
+        message = f"while the load grew from zero equilibria were found up to {low:.4g} of it, and none at {high:.4g}"
         advice = f"apply a part of it, `hemivar solve --load-factor {low:.4g}`"
         if stiffens(self.problem):
-            return f"the stress of the load and the answer do not settle: {found}; {advice}"
+            return f"the stress of the load and the answer do not settle: {message}; {advice}"
         law = self.problem.law
         if self.contact.components > 2 or law.state_dependent or not law.splits:
-            return f"{found}; {advice}"
-        return f"{found}; {advice}, or follow the path beyond, `hemivar path` (hemivar.follow_path)"
+            return f"{message}; {advice}"
+        return f"{message}; {advice}, or follow the path beyond, `hemivar path` (hemivar.follow_path)"
 
     @cached_property
     def energy(self) -> float:
         """E(u), in units of work; a friction bound that depends on the state is taken at this very pair, and so is the
         stress that stiffens a body."""
-        found, stated = self.problem.energy(self.unknowns, self.multiplier), self.problem.origin
+        energy, stated = self.problem.energy(self.unknowns, self.multiplier), self.problem.origin
         if stated is None or not stiffens(self.problem):
-            return found
-        return found + 0.5 * works_of_stress(stated, self.displacement)[0]
+            return energy
+        return energy + 0.5 * works_of_stress(stated, self.displacement)[0]
 
     @property
     def contact(self) -> ContactPoints:  # type: ignore[override]
@@ -227,8 +227,8 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
 
         Units stand behind the numbers, those of the statement by default; the numbers are not converted.
         """
-        found: Summary = above("Solution.summary")(self, certificate, units)
-        return found
+        summary: Summary = above("Solution.summary")(self, certificate, units)
+        return summary
 
     @property
     def measured(self) -> str:
@@ -251,7 +251,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         exact: bool = False,
     ) -> Certificate:
         """What is known about this solution, see :func:`hemivar.certify`."""
-        found: Certificate = above("Solution.certify")(
+        certificate: Certificate = above("Solution.certify")(
             self,
             tolerance=tolerance,
             trace_constant=trace_constant,
@@ -259,7 +259,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
             workspace=workspace,
             exact=exact,
         )
-        return found
+        return certificate
 
     def __repr__(self) -> str:
         problem = self.problem

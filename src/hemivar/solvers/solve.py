@@ -1,4 +1,4 @@
-"""The loop that every method shares."""
+"""The solve of a contact problem: a method is chosen, started, iterated, and another one takes over where it fails."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import Solver, SolverSystem, State
 from hemivar.solvers.choice import choose, repaid
-from hemivar.solvers.controls import Budget, Controls, Progress
+from hemivar.solvers.controls import NEARLY, Budget, Controls, Progress
 from hemivar.solvers.fallbacks import LOWER, best_of, others, took_over
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
@@ -39,7 +39,7 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.newton_on_graph import FEW_ROUNDS, KnownRounds, active_set_newton, small_and_convex
 from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
-from hemivar.solvers.sliding import told_of_slides
+from hemivar.solvers.sliding import with_slides
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.solvers.stiffening import Ordinary, stiffening
@@ -51,8 +51,6 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["default_method", "method_for", "solve", "solving", "suited"]
 
-#: Relative residual above which a method's own bound of its error is not believed.
-_EXCUSED = 1e-6
 #: What a state must have less energy, of all that is added up in it, to be called lower.
 _WORTH = 1e-9
 #: What is said of a residual above the tolerance that rounding explains.
@@ -60,8 +58,8 @@ _ROUNDED = (
     "the residual is above the tolerance: {:.1e} against forces of {:.1e}, of which rounding of the answer may leave "
     "{:.1e}"
 )
-#: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
-_LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING), 1e-6
+#: Ends that a solve beyond the limit of a foundation has.
+_LOST = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE, Status.NOT_CONTRACTING)
 
 
 @known_keywords
@@ -133,27 +131,7 @@ def solving(
     initial: Solution | Array | None = None,
     workspace: Workspace | None = None,
 ) -> Generator[Progress, bool | None, Solution]:
-    """:func:`solve` step by step: yields every step, ends after it if it is sent True, returns the solution.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem or ContactProblem
-    method : Solver or str, optional
-        As in :func:`solve`, like all that follow.
-    controls : Controls, optional
-    initial : Solution or array, optional
-    workspace : Workspace, optional
-
-    Yields
-    ------
-    Progress
-        Every step; the generator returns a :class:`Solution`.
-
-    Raises
-    ------
-    MethodError, ProblemError
-        As :func:`solve`.
-    """
+    """:func:`solve` step by step: yields every step, ends after it if it is sent True, returns the solution."""
     problem = as_discrete(problem, "solve")
     given = method_for(method, problem)
     workspace = Workspace.given(workspace)
@@ -174,15 +152,15 @@ def solving(
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
     task = _Task(problem, controls, initial, workspace)
-    found = yield from task.by(solver)
-    if found.status not in (Status.CONVERGED, *STOPPED):
-        found = yield from task.handed_on(solver, found, asked=given is not None)
-    if problem.limit is not None and found.status in _LOST and not found.residual.relative <= _NEAR:
-        return replace(found, status=Status.NOT_CARRIED)
-    said = [LOWER] if given is None and task.below(solver, found) else []
-    if found.status is Status.CONVERGED and found.residual.excused(controls.atol, controls.rtol):
-        said.append(_ROUNDED.format(found.residual.total, found.residual.scale, found.residual.rounding))
-    return replace(found, remarks=(*found.remarks, *said)) if said else found
+    solution = yield from task.by(solver)
+    if solution.status not in (Status.CONVERGED, *STOPPED):
+        solution = yield from task.handed_on(solver, solution, asked=given is not None)
+    if problem.limit is not None and solution.status in _LOST and not solution.residual.relative <= NEARLY:
+        return replace(solution, status=Status.NOT_CARRIED)
+    remarks = [LOWER] if given is None and task.below(solver, solution) else []
+    if solution.status is Status.CONVERGED and solution.residual.excused(controls.atol, controls.rtol):
+        remarks.append(_ROUNDED.format(solution.residual.total, solution.residual.scale, solution.residual.rounding))
+    return replace(solution, remarks=(*solution.remarks, *remarks)) if remarks else solution
 
 
 def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
@@ -225,22 +203,22 @@ class _Task:
         controls = replace(self.controls, max_time=max(self.controls.max_time - spent, 0.0))
         with one_thread(not solver.condenses):
             own = solver.for_tolerance(controls.rtol)
-            found = yield from _run(self.problem, own, controls, self.initial, self.workspace)
-        return told_of_slides(found)
+            solution = yield from _run(self.problem, own, controls, self.initial, self.workspace)
+        return with_slides(solution)
 
     def handed_on(self, solver: Solver, first: Solution, asked: bool) -> Generator[Progress, bool | None, Solution]:
         """What other methods find where the first has failed; the best iterate of all where they fail as well."""
         failed, spent = [first], first.timings.get("iterate", 0.0)
         for other in self._others(solver, first, asked):
             try:
-                found = yield from self.by(other, spent)
+                solution = yield from self.by(other, spent)
             except (MethodError, ProblemError):  # as where the memory does not suffice for it
                 continue
-            if found.status in (Status.CONVERGED, Status.NOT_CARRIED, Status.INTERRUPTED):
-                return replace(found, remarks=(took_over(found, failed), *found.remarks))
-            spent += found.timings.get("iterate", 0.0)
-            failed.append(found)
-            if found.status in STOPPED:
+            if solution.status in (Status.CONVERGED, Status.NOT_CARRIED, Status.INTERRUPTED):
+                return replace(solution, remarks=(took_over(solution, failed), *solution.remarks))
+            spent += solution.timings.get("iterate", 0.0)
+            failed.append(solution)
+            if solution.status in STOPPED:
                 break
         return best_of(failed)
 
@@ -252,16 +230,16 @@ class _Task:
         counted = first.status is Status.MAX_STEPS and self.controls.max_steps is not None
         return () if asked or counted else others(solver, first.status, self.problem)
 
-    def below(self, solver: Solver, found: Solution) -> bool:
+    def below(self, solver: Solver, solution: Solution) -> bool:
         """Whether a contact point alone would find less energy across a barrier, where a force can fall."""
         problem = self.problem
-        if found.status is not Status.CONVERGED or problem.limit is not None or not _falls(problem):
+        if solution.status is not Status.CONVERGED or problem.limit is not None or not _falls(problem):
             return False
         system = solver.prepare(problem, self.workspace)
         if not isinstance(system, CondensedProblem | Body):
             return False
-        x = system.of_unknowns(found.unknowns)
-        law, r, force = system.law_at(x, found.multiplier), system.local(x), system.out_of_balance(x)
+        x = system.of_unknowns(solution.unknowns)
+        law, r, force = system.law_at(x, solution.multiplier), system.local(x), system.out_of_balance(x)
         body = system.with_law(law) if problem.law.state_dependent else system
         size = float(np.abs(system.load) @ np.abs(x.ravel())) + float(system.weights @ np.abs(law.value(r)))
         return best_component(body, r, system.at_contact(force))[1] < -_WORTH * size
@@ -286,8 +264,12 @@ def _run(
         short = None
         if isinstance(system, CondensedProblem):
             known = workspace.under_any_load("rounds", problem, KnownRounds)
-            short = _short(system, solver, start, controls, budget, known)
-        if short is None and isinstance(system, CondensedProblem) and _hidden(system, solver, start, controls):
+            short = _without_iteration(system, solver, start, controls, budget, known)
+        if (
+            short is None
+            and isinstance(system, CondensedProblem)
+            and _lost_in_rounding(system, solver, start, controls)
+        ):
             system = system.displaced
             start = _start(system, solver, initial, budget)
     except MemoryError:
@@ -317,7 +299,7 @@ def _run(
         raise shortage(problem.unknowns, problem.contact.trace.nnz, solver.condenses) from None
 
 
-def _short(
+def _without_iteration(
     system: CondensedProblem, solver: Solver, start: State, controls: Controls, budget: Budget, known: KnownRounds
 ) -> Solution | None:
     """The solution where no iteration of the method is needed for it; None where it is."""
@@ -325,13 +307,13 @@ def _short(
         return None
     first = system.residual(start.r, start.lam)
     if first.noise > controls.rtol * first.scale:
-        return _apart(system, solver, first, controls, budget)
+        return _without_contact(system, solver, first, controls, budget)
     if first.below(controls.atol, controls.rtol) or budget.due():
         return None
     return _by_active_sets(system, solver, start, first, controls, known)
 
 
-def _hidden(system: CondensedProblem, solver: Solver, start: State, controls: Controls) -> bool:
+def _lost_in_rounding(system: CondensedProblem, solver: Solver, start: State, controls: Controls) -> bool:
     """Whether the rounding of gaps hides what the load does, and the method can do with displacements instead."""
     if not solver.displaces or start.ended is not None:
         return False
@@ -351,25 +333,27 @@ def _by_active_sets(
     if solver != usual or watched or not small_and_convex(system):
         return None
     with known.lent() as cache:
-        found = active_set_newton(system, start.r, start.lam, controls, cache, rounds=FEW_ROUNDS)
-    if found is None:
+        solution = active_set_newton(system, start.r, start.lam, controls, cache, rounds=FEW_ROUNDS)
+    if solution is None:
         return None
-    seconds = found.timings["iterate"]
+    seconds = solution.timings["iterate"]
     history = (
         Progress(0, system.energy(start.r), first.relative, 0, 0.0),
-        Progress(found.steps, found.energy, found.residual.relative, 0, seconds),  # in the last round no set changes
+        Progress(
+            solution.steps, solution.energy, solution.residual.relative, 0, seconds
+        ),  # in the last round no set changes
     )
-    return replace(found, history=history)
+    return replace(solution, history=history)
 
 
-def _apart(
+def _without_contact(
     system: CondensedProblem, solver: Solver, rounded: Residual, controls: Controls, budget: Budget
 ) -> Solution | None:
     """The linear answer of a body that its load leaves so far from the foundation that the gap's rounding hides it."""
-    found = system.displaced.at_a_distance()
-    if found is None or not found[2].below(controls.atol, controls.rtol):
+    balanced = system.displaced.at_a_distance()
+    if balanced is None or not balanced[2].below(controls.atol, controls.rtol):
         return None
-    unknowns, multiplier, reached = found
+    unknowns, multiplier, reached = balanced
     energy = system.problem.energy(unknowns)
     progress = Progress(0, energy, reached.relative, 0, budget.spent)
     return Solution(
@@ -402,14 +386,14 @@ def _solution(system: SolverSystem, end: _End) -> Solution:
     """All unknowns from the iterate, with the residual of the full problem and the status that this allows."""
     problem, state = system.problem, end.state
     began = time.perf_counter()
-    excused = 0.0 if state.error_bound is None else _EXCUSED
-    unknowns, multiplier, found, status = finish(system, state, end.status, end.controls, excused)
+    excused = 0.0 if state.error_bound is None else NEARLY
+    unknowns, multiplier, residual, status = finish(system, state, end.status, end.controls, excused)
     return Solution(
         problem=problem,
         unknowns=unknowns,
         multiplier=multiplier,
         status=status,
-        residual=found,
+        residual=residual,
         method=end.solver.name,
         steps=len(end.history) - 1,
         evaluations=state.evaluations,
@@ -432,15 +416,6 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     Every method runs inside a :class:`ProximalNewton` where the body is not linear. Else
     :class:`NonsmoothNewton` and :class:`NonsmoothMultigrid` become :class:`SemismoothNewton` where the bound has
     derivatives; every other method runs inside a :class:`FixedPoint`.
-
-    Parameters
-    ----------
-    solver : Solver
-    problem : DiscreteProblem
-
-    Returns
-    -------
-    Solver
     """
     solver = _for_body(solver, problem)
     if not problem.law.state_dependent or solver.handles_state:
@@ -450,18 +425,7 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
 
 
 def method_for(method: Solver | str | None, problem: DiscreteProblem) -> Solver | None:
-    """The method as an object; one given by its name is made :func:`suited` to the problem.
-
-    Parameters
-    ----------
-    method : Solver, str or None
-    problem : DiscreteProblem
-
-    Returns
-    -------
-    Solver or None
-        None stays None.
-    """
+    """The method as an object; one given by its name is made :func:`suited` to the problem, and None stays None."""
     solver = as_method(method)
     return suited(solver, problem) if isinstance(method, str) and solver is not None else solver
 

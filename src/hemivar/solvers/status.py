@@ -1,4 +1,4 @@
-"""How a solve ended, and what to do about it."""
+"""Termination status: how a solve ended, and what to do about it."""
 
 from __future__ import annotations
 

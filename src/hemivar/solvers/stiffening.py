@@ -1,4 +1,4 @@
-"""Bodies that the stress of their load stiffens or softens: the stress is held, solved with, and followed."""
+"""Stress stiffening (geometric stiffness): the stress of a load is held, solved with, and followed."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from hemivar.discrete.residual import contact_compliance, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import geometric_stiffness, stressed_problem
-from hemivar.linear.definite import indefinite, lowest_quotient, positive
+from hemivar.linear.definite import DENSE, indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.choice import affordable
-from hemivar.solvers.controls import Controls, Progress
+from hemivar.solvers.controls import NEARLY, Controls, Progress
 from hemivar.solvers.load_stepping import Climb, LoadStepping
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
@@ -37,16 +37,12 @@ __all__ = ["Ordinary", "StressedClimb", "Tally", "stiffening"]
 _OUTER, _PATIENCE = 40, 20
 #: Part of the load whose answer, made larger, has the first stress where a law softens: nothing has softened there.
 _LITTLE = 1e-3
-#: Pairs that accelerate, and part of the largest below which directions of them are the same.
-_DEPTH, _SAME = 4, 1e-8
-#: Relative residual up to which an answer misses the tolerance by what methods leave.
-_CLOSE = 1e-6
+#: Pairs that accelerate.
+_DEPTH = 4
 #: Springs in the place of contact that holds, in units of the largest diagonal stiffness.
 _HELD = 1e6
-#: Unknowns up to which all eigenvalues are computed.
-_DENSE = 400
-#: Part of a random load that is left, and the most cycles, where multigrid is to meet every motion.
-_MET, _CYCLES = 1e-9, 200
+#: Part of a random load that is left where multigrid is to meet every motion.
+_MET = 1e-9
 
 _Solving = Generator[Progress, bool | None, Solution]
 
@@ -87,19 +83,19 @@ class Ordinary:
         """The solution of a problem, from unknowns (n,) on."""
         return self.solving(problem, self.method, controls, initial=initial, workspace=self.workspace)
 
-    def definite(self, found: Solution, plain: DiscreteProblem) -> bool:
+    def definite(self, solution: Solution, plain: DiscreteProblem) -> bool:
         """Whether stiffness and contact together are shown to be definite at a solution, by what its method has set up.
 
         Where it has no condensed body, a random load tells, whose answer meets every motion: without contact, which
         only adds unless it softens. Conjugate gradients are preconditioned by the body without its stress, which is
         definite.
         """
-        problem, kept = found.problem, self.workspace
+        problem, kept = solution.problem, self.workspace
         if kept.condenses(problem):
             system = kept.condensed(problem)
             m, d = system.shape
             own = system.matrix.reshape(m, d, m, d).copy()
-            own[np.arange(m), :, np.arange(m), :] += _contact_blocks(problem, found.unknowns, found.multiplier)
+            own[np.arange(m), :, np.arange(m), :] += _contact_blocks(problem, solution.unknowns, solution.multiplier)
             return positive(own.reshape(m * d, m * d)[np.ix_(system.free, system.free)])
         if problem.contact_points and problem.law.softens:
             return False
@@ -108,7 +104,7 @@ class Ordinary:
         load = np.random.default_rng(13).standard_normal(problem.unknowns)
         enough, cycle = _MET * float(np.linalg.norm(load)), levels.preconditioner(top)
         stiffness, diagonal = problem.stiffness, problem.linear.diagonal
-        descent = conjugate_gradients(stiffness, diagonal, load, cycle, enough, _CYCLES, flexible=cycle.flexible)
+        descent = conjugate_gradients(stiffness, diagonal, load, cycle, enough, 200, flexible=cycle.flexible)
         return float(np.linalg.norm(descent.residual)) <= enough
 
 
@@ -135,14 +131,14 @@ class Tally:
             max_steps=None if most is None else max(most - self.steps, 1),
         )
 
-    def with_(self, found: Solution) -> None:
+    def with_(self, solution: Solution) -> None:
         """Count a solve."""
-        self.steps, self.evaluations = self.steps + found.steps, self.evaluations + found.evaluations
-        self.seconds.update(found.timings)  # type: ignore[arg-type]  # it adds up
+        self.steps, self.evaluations = self.steps + solution.steps, self.evaluations + solution.evaluations
+        self.seconds.update(solution.timings)  # type: ignore[arg-type]  # it adds up
 
-    def of_all(self, found: Solution) -> Solution:
+    def of_all(self, solution: Solution) -> Solution:
         """The solution with what was counted."""
-        return replace(found, steps=self.steps, evaluations=self.evaluations, timings=dict(self.seconds))
+        return replace(solution, steps=self.steps, evaluations=self.evaluations, timings=dict(self.seconds))
 
 
 class _Mixing:
@@ -151,13 +147,13 @@ class _Mixing:
     def __init__(self) -> None:
         self.pairs: deque[tuple[Array, Array]] = deque(maxlen=_DEPTH)
 
-    def after(self, place: Array, answer: Array) -> Array:
+    def after(self, displacement: Array, answer: Array) -> Array:
         """The next place (n,), after one whose answer (n,) is known."""
-        self.pairs.append((answer - place, answer))
+        self.pairs.append((answer - displacement, answer))
         left, answers = (np.array(rows) for rows in zip(*self.pairs, strict=True))
         if len(left) < 2:
             return answer
-        shares = np.linalg.lstsq(np.diff(left, axis=0).T, left[-1], rcond=_SAME)[0]
+        shares = np.linalg.lstsq(np.diff(left, axis=0).T, left[-1], rcond=1e-8)[0]
         return np.asarray(answer - shares @ np.diff(answers, axis=0))
 
 
@@ -169,62 +165,58 @@ def stiffening(
     It ends where the residual with the stress of the answer itself is below the tolerance. Where that is not reached
     the load grows, each solution being the start of the next.
 
-    Raises
-    ------
-    Buckled
-        Where no more is carried, the stress of the largest load that was solved makes the stiffness lose its
-        definiteness, and strain and rotation are small until then.
-    ProblemError
-        No part of the load has a solution that was found.
+    Raises Buckled: where no more is carried, the stress of the largest load that was solved makes the stiffness lose
+    its definiteness, and strain and rotation are small until then. Raises ProblemError: no part of the load has a
+    solution that was found.
     """
-    tally, place = Tally(controls, Budget(controls.max_time)), initial
-    place = place.unknowns if isinstance(place, Solution) else place
-    found = yield from _iterated(problem, ordinary, tally, place)
-    if found is not None and (found.status in (Status.CONVERGED, *STOPPED) or tally.used_up or _near(found)):
-        return found
-    return _climbed(problem, found, ordinary, tally)
+    tally, displacement = Tally(controls, Budget(controls.max_time)), initial
+    displacement = displacement.unknowns if isinstance(displacement, Solution) else displacement
+    solution = yield from _iterated(problem, ordinary, tally, displacement)
+    if solution is not None and (solution.status in (Status.CONVERGED, *STOPPED) or tally.used_up or _near(solution)):
+        return solution
+    return _climbed(problem, solution, ordinary, tally)
 
 
-def _near(found: Solution) -> bool:
+def _near(solution: Solution) -> bool:
     """Whether an answer misses the tolerance by what methods leave."""
-    return found.status is Status.INACCURATE and found.residual.relative <= _CLOSE
+    return solution.status is Status.INACCURATE and solution.residual.relative <= NEARLY
 
 
 def _iterated(
-    problem: DiscreteProblem, ordinary: Ordinary, tally: Tally, place: Array | None
+    problem: DiscreteProblem, ordinary: Ordinary, tally: Tally, displacement: Array | None
 ) -> Generator[Progress, bool | None, Solution | None]:
     """The iteration from a place (n,) on; the last answer, whose residual is that with its own stress.
 
     None where no answer was found. What buckles at its own stress is NOT_CARRIED.
     """
     plain, mixing = ordinary.plain(problem), _Mixing()
-    place = place if place is not None else (yield from _first_place(plain, ordinary, tally))
-    discrete, found, sound, worse = plain if place is None else _stressed(plain, place), None, None, 0
+    displacement = displacement if displacement is not None else (yield from _first_place(plain, ordinary, tally))
+    discrete, best, sound, worse = plain if displacement is None else _stressed(plain, displacement), None, None, 0
     for _ in range(_OUTER):
-        answer = None if discrete is None else (yield from _answer(discrete, ordinary, tally, place))
+        answer = None if discrete is None else (yield from _answer(discrete, ordinary, tally, displacement))
         own = None if answer is None else _stressed(plain, answer.unknowns)
         if answer is not None and own is not None:
             now = tally.of_all(_judged(replace(answer, problem=own), answer, plain, ordinary, tally.controls))
             now = replace(now, problem=problem)
             if now.residual.below(tally.controls.atol, tally.controls.rtol) or now.status in STOPPED or tally.used_up:
                 return now
-            gained = 0.0 if found is None else now.residual.relative / found.residual.relative
+            gained = 0.0 if best is None else now.residual.relative / best.residual.relative
             if gained > 0.5 and _near(now):
                 return now
-            found, worse = (now, 0) if gained < 1.0 else (found, worse + 1)
+            best, worse = (now, 0) if gained < 1.0 else (best, worse + 1)
         elif answer is None:
             worse += 1
-        if worse > _PATIENCE or (answer is None and (place is None or sound is None)):
+        if worse > _PATIENCE or (answer is None and (displacement is None or sound is None)):
             break
         if answer is None:  # such a place is a guess: one nearer to the last that had an answer is taken
-            assert place is not None
+            assert displacement is not None
             assert sound is not None
-            place, mixing = 0.5 * (place + sound), _Mixing()
+            displacement, mixing = 0.5 * (displacement + sound), _Mixing()
         else:
-            sound = place
-            place = answer.unknowns if place is None else mixing.after(place, answer.unknowns)
-        discrete = own if sound is None else _stressed(plain, place)
-    return None if found is None else tally.of_all(found)
+            sound = displacement
+            displacement = answer.unknowns if displacement is None else mixing.after(displacement, answer.unknowns)
+        discrete = own if sound is None else _stressed(plain, displacement)
+    return None if best is None else tally.of_all(best)
 
 
 def _judged(
@@ -242,20 +234,20 @@ def _judged(
 
 
 def _answer(
-    discrete: DiscreteProblem, ordinary: Ordinary, tally: Tally, place: Array | None
+    discrete: DiscreteProblem, ordinary: Ordinary, tally: Tally, displacement: Array | None
 ) -> Generator[Progress, bool | None, Solution | None]:
     """The solution under a stress that is held; None where its stiffness does not allow one."""
     try:
-        found = yield from ordinary(discrete, tally.left, place)
+        solution = yield from ordinary(discrete, tally.left, displacement)
     except ProblemError:
-        if place is None:
+        if displacement is None:
             raise
         return None
-    tally.with_(found)
-    return found if np.isfinite(found.unknowns).all() else None
+    tally.with_(solution)
+    return solution if np.isfinite(solution.unknowns).all() else None
 
 
-def _climbed(problem: DiscreteProblem, found: Solution | None, ordinary: Ordinary, tally: Tally) -> Solution:
+def _climbed(problem: DiscreteProblem, first: Solution | None, ordinary: Ordinary, tally: Tally) -> Solution:
     """The solution while the load grows; where it is not reached, the refusal of what buckles, or the last answer."""
     climb = StressedClimb(LoadStepping(), LoadLine.to(problem), tally.budget, ordinary=ordinary, tally=tally)
     reached = result_of(climb.up(climb.at_rest))
@@ -268,7 +260,7 @@ def _climbed(problem: DiscreteProblem, found: Solution | None, ordinary: Ordinar
         buckles = _falls(ordinary.plain(last.problem), last, times, reached.low)
         if buckles is not None:
             raise buckles
-    best = found if found is not None else last
+    best = first if first is not None else last
     if best is None:
         raise ProblemError(
             "no equilibrium with the stress of the load was found, at any part of it: take a smaller load, or hold the "
@@ -304,13 +296,15 @@ class StressedClimb(Climb):
         if self.tally.used_up:
             return start, Status.MAX_TIME
         try:
-            found = result_of(_iterated(problem, self.ordinary, self.tally, _onward(start, factor)))
+            solution = result_of(_iterated(problem, self.ordinary, self.tally, _onward(start, factor)))
         except ProblemError:  # a body that contact alone holds, at rest, or one whose law does not carry the load
             return start, Status.NOT_CARRIED
-        if found is None:
+        if solution is None:
             return start, Status.NOT_CARRIED
-        evaluations, before = found.evaluations, ((start.memory or (0.0,))[0], start.r)
-        return State(found.unknowns, found.multiplier, evaluations, memory=(factor, found, before)), found.status
+        evaluations, before = solution.evaluations, ((start.memory or (0.0,))[0], start.r)
+        return State(
+            solution.unknowns, solution.multiplier, evaluations, memory=(factor, solution, before)
+        ), solution.status
 
 
 def _onward(start: State, factor: float) -> Array | None:
@@ -348,20 +342,20 @@ def _first_place(
     return rest + (little.unknowns - rest) / _LITTLE if little.status is Status.CONVERGED else None
 
 
-def _stressed(problem: DiscreteProblem, place: Array) -> DiscreteProblem | None:
+def _stressed(problem: DiscreteProblem, displacement: Array) -> DiscreteProblem | None:
     try:
-        return stressed_problem(problem, place)
+        return stressed_problem(problem, displacement)
     except ProblemError:
         return None
 
 
-def _falls(plain: DiscreteProblem, found: Solution, times: float = 1.0, part: float = 1.0) -> Buckled | None:
+def _falls(plain: DiscreteProblem, solution: Solution, times: float = 1.0, part: float = 1.0) -> Buckled | None:
     """The refusal where the stress of a solution at a part of the load, so many times larger, buckles the body.
 
     There stiffness, stress and contact together are not definite, though without stress they are.
     """
-    contact = _contact_stiffness(plain, found.unknowns, found.multiplier)
-    own, falls = sp.csr_array(plain.stiffness + contact), -geometric_stiffness(plain, found.unknowns)
+    contact = _contact_stiffness(plain, solution.unknowns, solution.multiplier)
+    own, falls = sp.csr_array(plain.stiffness + contact), -geometric_stiffness(plain, solution.unknowns)
     whole = sp.csr_array(own - times * falls)
     if not affordable(plain):
         lost = whole.diagonal().min() <= 0.0 or lowest_quotient(whole) < 0.0
@@ -373,21 +367,21 @@ def _falls(plain: DiscreteProblem, found: Solution, times: float = 1.0, part: fl
     return _buckles(None if factor is None else factor * part)
 
 
-def _contact_blocks(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> Array:
+def _contact_blocks(problem: DiscreteProblem, displacement: Array, multiplier: Array | None) -> Array:
     """What contact adds to the stiffness between its components at a place (n,), (m, c, c): stiff springs where it
     holds at a kink of its law."""
-    r, c = problem.local(place), problem.contact.components
+    r, c = problem.local(displacement), problem.contact.components
     law = problem.law.frozen_at(r) if multiplier is None else problem.law.frozen(r, multiplier)
     if multiplier is not None:
         r = law.fitted(r, multiplier, contact_compliance(problem))
     line = law.linearise(r)
-    held = np.where(line.smooth[:, [0, *([1] * (c - 1))]], 0.0, _HELD * problem.linear.diagonal_range[1])
-    return np.asarray(problem.contact.weights[:, None, None] * line.hessian + held[:, :, None] * np.eye(c))
+    clamped = np.where(line.smooth[:, [0, *([1] * (c - 1))]], 0.0, _HELD * problem.linear.diagonal_range[1])
+    return np.asarray(problem.contact.weights[:, None, None] * line.hessian + clamped[:, :, None] * np.eye(c))
 
 
-def _contact_stiffness(problem: DiscreteProblem, place: Array, multiplier: Array | None) -> sp.csr_array:
+def _contact_stiffness(problem: DiscreteProblem, displacement: Array, multiplier: Array | None) -> sp.csr_array:
     """The same between all unknowns, (n, n)."""
-    blocks, (m, c) = _contact_blocks(problem, place, multiplier), problem.contact.shape
+    blocks, (m, c) = _contact_blocks(problem, displacement, multiplier), problem.contact.shape
     rows = sp.bsr_array((blocks, np.arange(m), np.arange(m + 1)), shape=(m * c, m * c))
     return sp.csr_array(problem.contact.trace.T @ (rows @ problem.contact.trace))
 
@@ -398,7 +392,7 @@ def _factor(own: sp.csr_array, falls: sp.csr_array) -> float | None:
         import scipy.sparse.linalg as spla  # only here: most bodies start without it
 
     n = own.shape[0]
-    if n <= _DENSE:
+    if n <= DENSE:
         largest = float(la.eigh(falls.toarray(), own.toarray(), eigvals_only=True, subset_by_index=[n - 1, n - 1])[0])
         return 1.0 / largest if largest > 0.0 else None
     inverse = spla.LinearOperator(own.shape, matvec=spla.splu(sp.csc_array(own)).solve, dtype=float)

@@ -1,4 +1,4 @@
-"""Truncated nonsmooth Newton over any contact system, with an energy that never rises."""
+"""Truncated nonsmooth Newton over any contact system: an active-set step and a line search; the energy never rises."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, OutOfTime
-from hemivar.solvers.line_search import LineEnd, SearchLine, energy_scale
+from hemivar.solvers.line_search import ENERGY_ROUNDING, LineEnd, SearchLine, energy_scale
 from hemivar.solvers.status import Status
 from hemivar.systems.contact_moves import Search, best_component, diagonal_step, snap_to_kinks
 from hemivar.systems.contact_system import ContactSystem
@@ -19,8 +19,8 @@ from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEqu
 
 __all__ = ["NewtonMemory", "TruncatedNewton", "lower_energy"]
 
-#: What rounding makes of the energy over a step, relative to its parts, and what a move must gain at least.
-_ROUNDED, _WORTH = 1e-14, 1e-12
+#: What a move must lower the energy by at least, relative to its parts.
+_WORTH = 1e-12
 #: Part of the residual below which it has fallen in a step; how much closer Newton's equation is solved else, and most.
 _FALLS, _CLOSER, _CLOSEST = 0.9, 0.3, 1e-4
 #: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
@@ -84,8 +84,8 @@ class TruncatedNewton(Solver):
         equation = system.newton_equation(known.equation if isinstance(known, NewtonMemory) else None)
         memory = NewtonMemory(system.lambda_max, force, equation, self.starts_settled and known is None)
         energy = system.energy(start.r, force=force)
-        found = system.residual(start.r, start.lam, force)
-        return replace(start, evaluations=self._evaluations(1, 0), energy=energy, residual=found, memory=memory)
+        residual = system.residual(start.r, start.lam, force)
+        return replace(start, evaluations=self._evaluations(1, 0), energy=energy, residual=residual, memory=memory)
 
     def step(self, system: ContactSystem, state: State, budget: Budget) -> State:
         memory: NewtonMemory = state.memory
@@ -97,18 +97,18 @@ class TruncatedNewton(Solver):
             evaluations, factor = evaluations + self._evaluations(move.tries, 0), move.factor
             if move.unbounded:
                 return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
-            if move.gain < 0.0 or not np.isfinite(energy):
-                r, pull, value, energy = move.r, move.force, move.value, energy + move.gain
+            if move.energy_change < 0.0 or not np.isfinite(energy):
+                r, pull, value, energy = move.r, move.force, move.value, energy + move.energy_change
         x = system.moved(state.r, r)
         if not np.isfinite(energy):
             energy = system.energy(x)
         force = memory.force - system.multiply_contact(x - state.r)
-        found, unbounded, cycles = self._newton(system, memory, LinearisedPoint.of(system, x, r, force), budget)
-        evaluations += self._evaluations(found.tries, cycles)
-        x, force, energy = found.x, found.force, energy + found.gain
+        end, unbounded, cycles = self._newton(system, memory, LinearisedPoint.of(system, x, r, force), budget)
+        evaluations += self._evaluations(end.tries, cycles)
+        x, force, energy = end.x, end.force, energy + end.energy_change
         if unbounded:
             return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
-        if state.energy is not None and energy >= state.energy - _ROUNDED * abs(state.energy):
+        if state.energy is not None and energy >= state.energy - ENERGY_ROUNDING * abs(state.energy):
             x, force, more = self._polish(system, memory.equation, x, force)
             evaluations += self._evaluations(0, more)
         new = self._state(system, x, force, evaluations, energy, replace(memory, factor=factor, settled=False))
@@ -121,28 +121,28 @@ class TruncatedNewton(Solver):
         """The state at a point where the elastic force is known."""
         force = system.refreshed(x, force)
         lam = system.multiplier(x, force)
-        found = system.residual(x, lam, force)
-        return State(x, lam, evaluations, energy=energy, residual=found, memory=replace(memory, force=force))
+        residual = system.residual(x, lam, force)
+        return State(x, lam, evaluations, energy=energy, residual=residual, memory=replace(memory, force=force))
 
     def _newton(
         self, system: ContactSystem, memory: NewtonMemory, at: LinearisedPoint, budget: Budget
     ) -> tuple[LineEnd, bool, int]:
         """Newton's step from a point, whether the energy falls without end along it, and the number of cycles."""
-        found = memory.equation.solve(at, replace(self.accuracy, due=budget.due, share=memory.share))
+        correction = memory.equation.solve(at, replace(self.accuracy, due=budget.due, share=memory.share))
         if system.vectors.largest(budget.due())[0]:
             raise OutOfTime
         best = LineEnd(at.x, at.force, 0.0)
-        if not found.cycles:
+        if not correction.cycles:
             return best, False, 0
-        line = SearchLine.of(system, at, found.step, found.bent, self.search)
-        best = line.lowest(found.convex, self.trusts)
-        if found.negative is None:
-            return best, False, found.cycles
+        line = SearchLine.of(system, at, correction.step, correction.bent, self.search)
+        best = line.lowest(correction.convex, self.trusts)
+        if correction.negative is None:
+            return best, False, correction.cycles
         # No curvature holds the energy back that way: as far as its laws let it fall.
-        line = SearchLine.of(system, at, found.negative, system.multiply(found.negative), self.search)
+        line = SearchLine.of(system, at, correction.negative, system.multiply(correction.negative), self.search)
         (stiff,) = system.vectors.total(float(np.vdot(line.along**2, system.diagonal)))
         other = line.bottom(line.slope / max(stiff, np.finfo(float).tiny))
-        return (other if other.gain < best.gain else best), other.endless, found.cycles
+        return (other if other.energy_change < best.energy_change else best), other.endless, correction.cycles
 
     def _polish(
         self, system: ContactSystem, equation: NewtonEquation, x: Array, force: Array
@@ -157,16 +157,16 @@ class TruncatedNewton(Solver):
         for start in (np.where(system.active, r, system.fixed), snap_to_kinks(system, r)):
             first = system.moved(x, start)
             at = LinearisedPoint.of(system, first, system.local(first), system.out_of_balance(first))
-            found = equation.solve(at, self.accuracy)
-            cycles += found.cycles
-            if found.negative is not None:
+            correction = equation.solve(at, self.accuracy)
+            cycles += correction.cycles
+            if correction.negative is not None:
                 continue
-            near = at.clamp(at.r + system.at_contact(found.step))
-            new = system.moved(first + found.step, near)
+            near = at.clamp(at.r + system.at_contact(correction.step))
+            new = system.moved(first + correction.step, near)
             line = SearchLine.of(system, here, new - x, system.multiply(new - x))
             there = system.out_of_balance(new)
-            allowed = max(line.rounding, _ROUNDED * energy_scale(system, x, line.value))
-            if line.gain(1.0, near) <= allowed or _goes_down(system, here, new, near, there):
+            allowed = max(line.rounding, ENERGY_ROUNDING * energy_scale(system, x, line.value))
+            if line.energy_change(1.0, near) <= allowed or _goes_down(system, here, new, near, there):
                 total = system.residual(new, system.multiplier(new, there), there).total
                 if total < lowest:
                     best, lowest = (new, there), total
@@ -183,7 +183,7 @@ class TruncatedNewton(Solver):
             new, gained = best_component(system, r, pull)
         else:
             move = diagonal_step(system, r, pull, memory.factor, self.search)
-            new, gained = move.r, 0.0 if move.unbounded else move.gain
+            new, gained = move.r, 0.0 if move.unbounded else move.energy_change
         x = system.moved(state.r, new)
         if gained >= threshold:
             x, gained = self._leave_saddle(system, state)
@@ -200,10 +200,10 @@ class TruncatedNewton(Solver):
         if direction is None:
             return state.r, 0.0
         best = LineEnd(state.r, memory.force, 0.0)
-        for way in (direction, -direction):
-            found = SearchLine.of(system, at, way, system.multiply(way), self.search).bottom(1.0)
-            best = found if found.gain < best.gain else best
-        return best.x, best.gain
+        for along in (direction, -direction):
+            end = SearchLine.of(system, at, along, system.multiply(along), self.search).bottom(1.0)
+            best = end if end.energy_change < best.energy_change else best
+        return best.x, best.energy_change
 
     def release(self, state: State) -> None:
         if isinstance(state.memory, NewtonMemory):
@@ -219,9 +219,11 @@ def _share(before: float, old: Residual | None, new: Residual | None) -> float:
 def _goes_down(system: ContactSystem, here: LinearisedPoint, new: Array, near: Array, there: Array) -> bool:
     """Whether the forces on a tiny way within pieces say that the energy falls along it: potentials of formulas cancel,
     and may know no difference there.  ``near (m, d)`` and ``there`` are local displacements and force at the end."""
-    way, end = near - here.r, LinearisedPoint.of(system, new, near, there)
-    still = [np.abs(way[~at.moving]).max(initial=0.0) for at in (here, end)]
-    far, size, kinks = system.vectors.largest(np.abs(way).max(initial=0.0), np.abs(here.r).max(initial=0.0), max(still))
+    increment, end = near - here.r, LinearisedPoint.of(system, new, near, there)
+    still = [np.abs(increment[~at.moving]).max(initial=0.0) for at in (here, end)]
+    far, size, kinks = system.vectors.largest(
+        np.abs(increment).max(initial=0.0), np.abs(here.r).max(initial=0.0), max(still)
+    )
     if far > _TINY * size or kinks > 0.0:
         return False
     push = [system.less_contact(at.force, system.weights[:, None] * at.multiplier) for at in (here, end)]

@@ -1,4 +1,4 @@
-"""All unknowns of a body, with the levels below: the system that multigrid works on, on one machine or on many."""
+"""The full system that multigrid works on: all unknowns of a body with the levels below, on one machine or on many."""
 
 from __future__ import annotations
 
@@ -22,9 +22,6 @@ from hemivar.systems.contact_system import OfUnknowns
 from hemivar.systems.newton_equation import NewtonEquation
 
 __all__ = ["Body", "Truncation"]
-
-#: Gaps this many times larger than the displacements are far.
-_FAR = 1.0
 
 
 class Truncation(Protocol):
@@ -168,7 +165,7 @@ class Body(OfUnknowns, ABC):
         out[self.unknown] = self.sign * (r + self.offset)[self.active]
         # Far from the foundation r is the gap, and has the digits of u no more: what differs by rounding stays.
         size = float(self.vectors.largest(np.abs(r + self.offset)[self.active].max(initial=0.0))[0])
-        far = np.abs(self.offset) > _FAR * size
+        far = np.abs(self.offset) > size
         if far.any():
             now = self.local(x)
             same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(self.offset))

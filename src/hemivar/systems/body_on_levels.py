@@ -1,4 +1,4 @@
-"""All unknowns of a body on one machine, on its mesh and on the coarser ones below."""
+"""The multigrid hierarchy of a body on one machine: discrete problems on its mesh and the coarser ones below."""
 
 from __future__ import annotations
 
@@ -168,15 +168,15 @@ class MatrixAtContact(ContactStiffness):
         number = np.zeros(self.active.shape, dtype=np.int64)
         number[self.active] = np.arange(self.unknown.size)
         rows, columns = (np.broadcast_to(one, both.shape)[both] for one in (number[:, :, None], number[:, None, :]))
-        place = self.coupling.places(self.own[rows], self.own[columns])
-        return np.flatnonzero(both), place, self.sign[rows] * self.sign[columns]
+        places = self.coupling.places(self.own[rows], self.own[columns])
+        return np.flatnonzero(both), places, self.sign[rows] * self.sign[columns]
 
     def added(self, blocks: Array) -> Array:
         """Blocks (m, d, d) between the components of each point as entries of the coupling, (p,)."""
-        entry, place, sign = self._blocks
-        found = np.zeros(self.coupling.keys.size)
-        found[place] = sign * blocks.ravel()[entry]
-        return found
+        entry, places, sign = self._blocks
+        values = np.zeros(self.coupling.keys.size)
+        values[places] = sign * blocks.ravel()[entry]
+        return values
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -267,10 +267,10 @@ class BodyProblem(Body):
 
     def _thin(self) -> tuple[Coarser, BodyProblem] | None:
         graph = LevelNodes.of(self.problem) if self.graph is None else self.graph
-        found = None if graph is None else coarser_by_nodes(self.problem, graph)
-        if found is None:
+        coarse = None if graph is None else coarser_by_nodes(self.problem, graph)
+        if coarse is None:
             return None
-        step, left = found
+        step, left = coarse
         hierarchy = ElasticMultigrid.of(step.problem)
         return step, BodyProblem.of(step.problem, hierarchy, hierarchy.first, self.small, left)
 
@@ -291,12 +291,12 @@ class BodyProblem(Body):
         if not self.floats or not enough < float(np.linalg.norm(left)) < math.inf:
             return x
         m, d = self.active.shape
-        held = self.truncation()
-        held.change(x, np.ones(self.unknown.size, dtype=bool), np.zeros((m, d, d)))
-        flexible, cycle = held.preconditioner()
-        found = conjugate_gradients(held, held.diagonal, left, cycle, enough, _QUICK, flexible=flexible)
-        held.release()
-        return x + found.solution
+        truncation = self.truncation()
+        truncation.change(x, np.ones(self.unknown.size, dtype=bool), np.zeros((m, d, d)))
+        flexible, cycle = truncation.preconditioner()
+        descent = conjugate_gradients(truncation, truncation.diagonal, left, cycle, enough, _QUICK, flexible=flexible)
+        truncation.release()
+        return x + descent.solution
 
     def untouched(self) -> Array | None:
         levels, top = self.hierarchy.levels, self.top
@@ -304,10 +304,10 @@ class BodyProblem(Body):
         if self.floats or not levels.algebraic or not 0.0 < enough < math.inf:
             return None
         cycle = levels.preconditioner(top)
-        found = conjugate_gradients(
+        descent = conjugate_gradients(
             LevelMatrix(levels, top), levels.diagonal(top), self.load, cycle, enough, _QUICK, flexible=cycle.flexible
         )
-        return found.solution if float(np.linalg.norm(found.residual)) <= enough else None
+        return descent.solution if float(np.linalg.norm(descent.residual)) <= enough else None
 
     @property
     def carried(self) -> Array | None:

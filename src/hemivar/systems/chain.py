@@ -1,4 +1,4 @@
-"""The graph of a contact law as a continuous curve, one for each scalar component of the contact points.
+"""Arc-length parametrisation of contact laws: the graph of each scalar component is a continuous curve.
 
 The Clarke subdifferential of a scalar law is a connected curve in the plane of displacement r and multiplier lambda:
 along its smooth pieces r moves, at its kinks lambda moves, upwards where the derivative jumps up and downwards where it
@@ -38,17 +38,11 @@ class Chain(Segments, Curves):
     """The curves of all free components, cut into segments: pieces of the law, and its kinks.
 
     Arrays have one row for each free component (n) and one column for each segment (S), padded.
-
-    Attributes
-    ----------
-    system : CondensedProblem
-    point, column : int arrays (n,)
-        Contact point and local component.
     """
 
     system: CondensedProblem
-    point: IntArray
-    column: IntArray
+    point: IntArray  # (n,)
+    column: IntArray  # (n,): the local component
 
     @cached_property
     def matrix(self) -> Array:
@@ -177,8 +171,8 @@ class Chain(Segments, Curves):
         factor = self.factors(values, lam_values)
         ends = np.stack([self.pick(self.low, segment), self.pick(self.high, segment)])
         ends = np.where(np.isfinite(ends), factor * np.where(np.isfinite(ends), ends, 0.0), ends)
-        held = (dr == 0.0) & (from_balance >= ends.min(axis=0)) & (from_balance <= ends.max(axis=0))
-        lam[point, column] = np.where(held, from_balance, lam[point, column])
+        fixed = (dr == 0.0) & (from_balance >= ends.min(axis=0)) & (from_balance <= ends.max(axis=0))
+        lam[point, column] = np.where(fixed, from_balance, lam[point, column])
         return r, lam
 
     def error(self, theta: Array, segment: IntArray) -> Array:
@@ -220,8 +214,8 @@ class Chain(Segments, Curves):
         for s in range(self.kink.shape[1]):
             choice = np.minimum(np.full(self.size, s), self.count - 1)
             at = np.clip(self.at(r, lam, choice), self.pick(self.start, choice), self.pick(self.end, choice))
-            found, found_lam, _, _ = self.evaluate(at, choice)
-            distance = np.abs(found - r) + self.tau * np.abs(found_lam - lam)
+            trial, trial_lam, _, _ = self.evaluate(at, choice)
+            distance = np.abs(trial - r) + self.tau * np.abs(trial_lam - lam)
             closer = distance < best
             best = np.where(closer, distance, best)
             theta, segment = np.where(closer, at, theta), np.where(closer, choice, segment)
@@ -263,20 +257,7 @@ class Chain(Segments, Curves):
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]
     """The curves of all free components of a condensed problem, of one kind or another.
 
-    Parameters
-    ----------
-    system : CondensedProblem
-    kind : type
-        Class of the curves.
-
-    Returns
-    -------
-    Chain, or the given class
-
-    Raises
-    ------
-    MethodError
-        Three-dimensional contact with friction: the slip of a point is then a vector.
+    Raises MethodError: the slip of a point is a vector, as in space with friction.
     """
     m, d = system.shape
     if d > 2:

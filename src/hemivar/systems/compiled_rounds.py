@@ -1,4 +1,4 @@
-"""Rounds of active sets on a small condensed body in one call of the compiled kernels."""
+"""Primal-dual active sets on a small condensed body: all rounds in one call of the compiled kernels."""
 
 from __future__ import annotations
 
@@ -95,9 +95,9 @@ class CompiledRounds:
         end = self._call.hv_active_sets_run(self._pointer, *self._at[:4], most, atol, rtol, size, self._at[4])
         if end > 1:
             return None
-        found = self._room[1:4, : load.size].copy().reshape(3, *self.shape)
+        pairs = self._room[1:4, : load.size].copy().reshape(3, *self.shape)
         count, missed, force = self._room[4, :3].tolist()
-        return Rounds(int(count), end == 1, found[0], found[1], found[2], missed, force)
+        return Rounds(int(count), end == 1, pairs[0], pairs[1], pairs[2], missed, force)
 
     def distance(self, r: Array, lam: Array) -> float:
         """Norm of the weighted distances of pairs (m, d) to the graphs of their laws, as of
@@ -113,10 +113,10 @@ class CompiledRounds:
 
 
 def _table(numbers: Array, shape: tuple[int, ...]) -> Array:
-    found = np.require(numbers, float, ["C", "A"])
-    if found.shape != shape:
-        raise ValueError(f"a table of the active sets has shape {found.shape} in place of {shape}")
-    return found
+    table = np.require(numbers, float, ["C", "A"])
+    if table.shape != shape:
+        raise ValueError(f"a table of the active sets has shape {table.shape} in place of {shape}")
+    return table
 
 
 def compiled_rounds(

@@ -1,4 +1,4 @@
-"""Condensation: the discrete problem reduced to the local displacements of its contact points."""
+"""Static condensation: the discrete problem reduced to the local displacements of its contact points."""
 
 from __future__ import annotations
 
@@ -173,8 +173,8 @@ class CondensedProblem(OfProblem, PickleMixin):
         size = max(float(np.abs(self.fixed).max(initial=0.0)), float(np.abs(self.problem.gap).max(initial=0.0)))
         if self.free.size:
             A = self.matrix[np.ix_(self.free, self.free)]
-            held = A + 1e-3 * np.diag(self.diagonal.ravel()[self.free])
-            moved: Array = np.asarray(la.solve(held, self.load[self.free], assume_a="pos"))
+            sprung = A + 1e-3 * np.diag(self.diagonal.ravel()[self.free])
+            moved: Array = np.asarray(la.solve(sprung, self.load[self.free], assume_a="pos"))
             size = max(size, float(np.abs(moved).max()))
         return size if size > 0.0 else 1.0
 
@@ -292,10 +292,10 @@ class CondensedProblem(OfProblem, PickleMixin):
         """What residuals are held against."""
         problem, (law, offset, rest) = self.problem, self.body.last_rest[0]
         same = law is problem.law and offset is problem.offset
-        found = load_scale(problem, self.body.compliance, rest if same else None)
+        scale = load_scale(problem, self.body.compliance, rest if same else None)
         if not same:
-            self.body.last_rest[0] = problem.law, problem.offset, found.rest
-        return found
+            self.body.last_rest[0] = problem.law, problem.offset, scale.rest
+        return scale
 
     # ---- the same body otherwise ---------------------------------------------------------------------------
 
@@ -315,16 +315,16 @@ class CondensedProblem(OfProblem, PickleMixin):
             return self
         if problem.model is old.model and problem.load is old.load and problem.offset is old.offset:
             return replace(self, problem=problem, seconds=0.0)
-        found = _under(self.body, problem, began)
-        return found if self.origin is None else found.displaced
+        other = _under(self.body, problem, began)
+        return other if self.origin is None else other.displaced
 
-    def resisted(self, springs: Array, place: Array) -> CondensedProblem:
+    def resisted(self, springs: Array, rest: Array) -> CondensedProblem:
         """The same with springs (m d, m d) between its contact points, which do nothing at a place (m, d): for points
         alone, energies and the way back being those of the body without them."""
         matrix = self.matrix + springs
         body = replace(self.body, matrix=matrix, rigid_part=RigidPart.none(len(matrix)))
         recovery = replace(self._recovery, body=body)
-        return replace(self, matrix=matrix, load=self.load + springs @ place.ravel(), _recovery=recovery)
+        return replace(self, matrix=matrix, load=self.load + springs @ rest.ravel(), _recovery=recovery)
 
     def with_law(self, law: VectorLaw) -> CondensedProblem:
         """The same body on another foundation."""
@@ -355,16 +355,16 @@ class CondensedProblem(OfProblem, PickleMixin):
         rounding explains, for the first multiplier.
         """
         u, lam = self._recovery(r), multipliers[0]
-        found = self._residuals(u, multipliers)
-        if not found[0].total <= max(self.residual(r, lam).total, found[0].rounding):
+        residuals = self._residuals(u, multipliers)
+        if not residuals[0].total <= max(self.residual(r, lam).total, residuals[0].rounding):
             refined = u + self.body.factor.solve_interior(self._out_of_balance(u, lam))
             better = self._residuals(refined, multipliers)
-            if better[0].total < found[0].total:
-                u, found = refined, better
+            if better[0].total < residuals[0].total:
+                u, residuals = refined, better
         sharper = self._sharpened(u, self.local(r), lam)
-        if sharper is not None and sharper[1].total < found[0].total:
+        if sharper is not None and sharper[1].total < residuals[0].total:
             return sharper[0], self._residuals(sharper[0], multipliers)
-        return u, found
+        return u, residuals
 
     def _residuals(self, u: Array, multipliers: Sequence[Array]) -> list[Residual]:
         return residuals(self.problem, u, multipliers, self.body.compliance, self.load_scale)
@@ -383,8 +383,8 @@ class CondensedProblem(OfProblem, PickleMixin):
         moved = float(np.abs(r + offset)[self.active].max(initial=0.0))
         if moved == 0.0:
             return None
-        found = self._apart(u, r, lam, self.active & (np.abs(offset) > _FAR * moved))
-        return None if found is None else (found[0], self._residuals(found[0], [found[1]])[0])
+        balanced = self._without_contact(u, r, lam, self.active & (np.abs(offset) > _FAR * moved))
+        return None if balanced is None else (balanced[0], self._residuals(balanced[0], [balanced[1]])[0])
 
     def at_a_distance(self) -> tuple[Array, Array, Residual] | None:
         """The answer where the body stays so far from its foundation that u is lost in the rounding of ``B u - g``.
@@ -398,15 +398,17 @@ class CondensedProblem(OfProblem, PickleMixin):
         """
         offset = self.problem.offset.reshape(self.shape)
         x = self.start()
-        found = self._apart(self._recovery(x), self.local(x), self.multiplier(x), self.active & (offset != 0.0))
-        if found is None:
+        balanced = self._without_contact(
+            self._recovery(x), self.local(x), self.multiplier(x), self.active & (offset != 0.0)
+        )
+        if balanced is None:
             return None
-        u, lam, held = found
+        u, lam, at_kink = balanced
         taken = np.asarray(self.body.spread.T @ self._out_of_balance(u, lam)[self.body.kept]).reshape(self.shape)
-        lam = np.where(held, lam + taken / self.weights[:, None], lam)
+        lam = np.where(at_kink, lam + taken / self.weights[:, None], lam)
         return u, lam, self._residuals(u, [lam])[0]
 
-    def _apart(self, u: Array, r: Array, lam: Array, far: BoolArray) -> tuple[Array, Array, BoolArray] | None:
+    def _without_contact(self, u: Array, r: Array, lam: Array, far: BoolArray) -> tuple[Array, Array, BoolArray] | None:
         """``u`` with balance in all components on which the law does not depend, if ``far`` ones are among them.
 
         With the multiplier of the law, and the active components (m, d) that are held at a kink.
@@ -417,7 +419,7 @@ class CondensedProblem(OfProblem, PickleMixin):
         lam = np.where(self.active, law.nearest_multiplier(r, lam), lam)
         smooth = law.linearise(r)
         flat = smooth.smooth[:, [0] + [1] * (self.shape[1] - 1)]
-        held = self.active & ~flat
+        at_kink = self.active & ~flat
         flat &= np.abs(smooth.hessian).sum(axis=2) == 0.0
         free = np.flatnonzero((self.active & flat).ravel())
         if not far.ravel()[free].any():
@@ -431,7 +433,7 @@ class CondensedProblem(OfProblem, PickleMixin):
             return None
         change = np.zeros(self.active.size)
         change[free] = la.cho_solve(factor, np.asarray(body.spread.T @ reduced)[free])
-        return u + inner + self._recovery.linear(change), lam, held
+        return u + inner + self._recovery.linear(change), lam, at_kink
 
 
 def condense(problem: ProblemLike, many: bool = False) -> CondensedProblem:

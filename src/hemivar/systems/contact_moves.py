@@ -1,4 +1,4 @@
-"""Moves of the contact points alone, the rest of the body being held or following as a stiffer diagonal one."""
+"""Block Jacobi moves of the contact points alone: the body is held, or follows as a stiffer diagonal one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = [
     "Search",
     "best_component",
     "diagonal_step",
-    "gain",
+    "energy_change",
     "majorant",
     "moving_curvature",
     "snap_to_kinks",
@@ -26,8 +26,6 @@ __all__ = [
 
 #: How often the diagonal body is made stiffer, and by how much, before a step is given up.
 _ATTEMPTS, _STIFFER = 8, 1.5
-#: Products with the body by which its largest eigenvalue is found, and the margin on top.
-_POWERS, _MARGIN = 15, 1.05
 #: Part of the largest local displacement by which a component may miss a kink.
 _MISSED = 1e-11
 
@@ -46,7 +44,7 @@ class ContactStep:
     """A step of the local displacements."""
 
     r: Array  # (m, d): where it leads; where it began if it was given up
-    gain: float  # change of the energy, at most 0 unless the step began outside of the domain of the laws
+    energy_change: float  # change of the energy, at most 0 unless the step began outside of the domain of the laws
     tries: int  # evaluations of the energy
     factor: float  # how much stiffer than its diagonal the body had to be
     value: Array  # (m,): j(r) where it leads
@@ -54,7 +52,7 @@ class ContactStep:
     unbounded: bool = False  # whether the energy of a point falls without end; ``r`` is where it began then
 
 
-def gain(body: ContactSystem, step: Array, bent: Array, force: Array, change: Array) -> float:
+def energy_change(body: ContactSystem, step: Array, bent: Array, force: Array, change: Array) -> float:
     """Part of this process of the change of energy with a step, free of the cancellation of two large energies.
 
     ``bent`` is what the step takes away from the elastic ``force``, ``change (m,)`` that of j(r); all other (m, d).
@@ -73,12 +71,12 @@ def majorant(vectors: Vectors, active: BoolArray, diagonal: Array, couple: Calla
     if size == 0.0:
         return 1.0
     scale = np.where(active, 1.0 / np.sqrt(diagonal), 0.0)
-    for _ in range(_POWERS):
+    for _ in range(15):
         v = scale * couple(scale * v / size)
         size = float(vectors.norms(v.ravel())[0])
         if size == 0.0:
             return 1.0
-    return max(_MARGIN * size, 1.0)
+    return max(1.05 * size, 1.0)  # powers come near from below
 
 
 def diagonal_step(
@@ -112,7 +110,7 @@ def diagonal_step(
         bent = body.couple(new - r)
         if not feasible:
             return ContactStep(new, 0.0, attempt, factor, there, force - bent)
-        (gained,) = vectors.total(gain(body, new - r, bent, force, there - value)).tolist()
+        (gained,) = vectors.total(energy_change(body, new - r, bent, force, there - value)).tolist()
         if gained <= 0.0:
             return ContactStep(new, gained, attempt, factor, there, force - bent)
         factor *= _STIFFER

@@ -1,4 +1,4 @@
-"""The stiffness of a body as contact points see it: one object for every load, gap and law of the body."""
+"""The stiffness as contact points see it (rows, blocks, diagonal): one object for every load, gap and law of a body."""
 
 from __future__ import annotations
 

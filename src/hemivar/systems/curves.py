@@ -1,4 +1,4 @@
-"""What a path asks of the graphs of all contact laws: one equation for each number along them."""
+"""The equation of a path on the graphs of all contact laws: one row for each number along them."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Curves(ABC):
 
     def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
         """That of several places, (k, m, d) each."""
-        pairs = [self.local(*place) for place in zip(theta, segments, strict=True)]
+        pairs = [self.local(*pair) for pair in zip(theta, segments, strict=True)]
         return np.array([r for r, _ in pairs]), np.array([lam for _, lam in pairs])
 
     @abstractmethod

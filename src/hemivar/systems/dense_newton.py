@@ -1,4 +1,4 @@
-"""Newton's equation of a condensed body, by dense factors."""
+"""Newton's equation of a condensed body, by dense factors that serve while the active set stays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elimination of the unknowns that no contact law acts on, and the way back: what condensation makes of a body."""
+"""Schur complement: elimination of the unknowns that no contact law acts on, and their recovery."""
 
 from __future__ import annotations
 
@@ -158,13 +158,13 @@ class SchurComplement:
         return self.spread.indices.astype(np.int64) if simple and self.spread.nnz == self.kept.size else None
 
     @cached_property
-    def place(self) -> IntArray | None:
+    def component(self) -> IntArray | None:
         """Which of the kept unknowns each local component is, the inverse of :attr:`order`."""
         return None if self.order is None else np.argsort(self.order)
 
     def gathered(self, force: Array) -> Array:
         """Forces (m d,) on the local components of forces (k,) on the kept unknowns."""
-        return np.asarray(self.spread.T @ force) if self.place is None else force.take(self.place)
+        return np.asarray(self.spread.T @ force) if self.component is None else force.take(self.component)
 
     def couple(self, step: Array) -> Array:
         """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""

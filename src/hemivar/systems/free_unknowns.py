@@ -1,4 +1,4 @@
-"""The kernel of a stiffness where mesh and supports tell it, and whether contact points notice what lies in it."""
+"""Nullspace (rigid motions) of a stiffness where mesh and supports tell it, and whether contact points notice it."""
 
 from __future__ import annotations
 

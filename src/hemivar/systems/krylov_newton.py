@@ -1,4 +1,4 @@
-"""Newton's equation of all unknowns of a body, by conjugate gradients with a cycle that leaves out those at kinks."""
+"""Inexact Newton's equation of all unknowns: conjugate gradients with a multigrid cycle that leaves out kinks."""
 
 from __future__ import annotations
 
@@ -43,33 +43,33 @@ class KrylovNewton:
         """
         if at.pushed is not None:
             return self._generalised(at, at.pushed, accuracy)
-        body, held = self.body, ~at.moving[self.body.active]
-        self.matrix.change(at.x, held, moving_curvature(body, at.blocks, at.moving))
+        body, at_kink = self.body, ~at.moving[self.body.active]
+        self.matrix.change(at.x, at_kink, moving_curvature(body, at.blocks, at.moving))
         right = at.force.copy()
         right[body.unknown] -= body.gather(body.weights[:, None] * at.multiplier)
-        right[body.unknown[held]] = 0.0
+        right[body.unknown[at_kink]] = 0.0
         scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
         flexible, cycle = self.matrix.preconditioner()
         enough = None if accuracy.due is None else _Enough(body, at, accuracy.due, accuracy.share)
-        found = conjugate_gradients(
+        descent = conjugate_gradients(
             self.matrix, self.matrix.diagonal, right, cycle, accuracy.absolute + accuracy.tolerance * scale,
             accuracy.iterations, enough, body.vectors, sparing=True, flexible=flexible,
         )  # fmt: skip
-        bent = right - found.residual  # laws and held unknowns act in the contact rows only
-        bent[body.unknown] = body.pull(found.solution)
-        if found.negative is not None:
-            body.refuse_direction(found.negative)
-        return Correction(found.solution, bent, found.iterations, negative=found.negative)
+        bent = right - descent.residual  # laws and held unknowns act in the contact rows only
+        bent[body.unknown] = body.pull(descent.solution)
+        if descent.negative is not None:
+            body.refuse_direction(descent.negative)
+        return Correction(descent.solution, bent, descent.iterations, negative=descent.negative)
 
     def _generalised(self, at: LinearisedPoint, pushed: Array, accuracy: Accuracy) -> Correction:
         """The change by minimal residuals, with the cycle of the law whose bound is frozen, which is symmetric."""
         body, moving = self.body, at.moving
-        weights, held = self.body.weights[:, None], ~moving[self.body.active]
+        weights, at_kink = self.body.weights[:, None], ~moving[self.body.active]
         curvature = moving_curvature(body, at.blocks, moving)
         symmetric = 0.5 * (curvature + np.swapaxes(curvature, 1, 2))
         symmetric[:, 1:, 0] = symmetric[:, 0, 1:] = curvature[:, 0, 1:]  # without what follows the normal part
         coupling = curvature - symmetric
-        self.matrix.change(at.x, held, symmetric)
+        self.matrix.change(at.x, at_kink, symmetric)
         pushes = bool(body.vectors.largest(float(pushed.any()))[0])
 
         def product(v: Array) -> Array:
@@ -78,14 +78,14 @@ class KrylovNewton:
             if pushes:
                 rows -= pushed * body.spread(body.pull(v))[:, :1]
             out[body.unknown] += body.gather(rows)
-            out[body.unknown[held]] = 0.0
+            out[body.unknown[at_kink]] = 0.0
             return out
 
         rest = body.spread(at.force[body.unknown]) - weights * at.multiplier
         rest -= pushed * rest[:, :1]
         right = at.force.copy()
         right[body.unknown] = body.gather(rest)
-        right[body.unknown[held]] = 0.0
+        right[body.unknown[at_kink]] = 0.0
         scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
         tolerance, limit = accuracy.absolute + accuracy.tolerance * scale, min(accuracy.iterations, _VECTORS)
         step, cycles = minimal_residuals(
@@ -116,12 +116,12 @@ class _Enough:
         pulled = body.pull(step)  # by all processes, whether they are late or not
         if self.due():
             return np.full(1, np.inf)
-        way = body.spread(step[body.unknown])
-        aim = at.clamp(at.r + way)
-        beyond = np.where(at.moving, at.r + way - aim, 0.0)
+        increment = body.spread(step[body.unknown])
+        aim = at.clamp(at.r + increment)
+        beyond = np.where(at.moving, at.r + increment - aim, 0.0)
         lam = body.spread(at.force[body.unknown] - pulled) / weights
         off = np.where(body.active, lam - body.law.nearest_multiplier(at.r, lam), 0.0)
-        bend = body.law.linearise(aim).gradient - at.multiplier - np.einsum("mij,mj->mi", at.blocks, way)
-        bend[np.abs(beyond) > _CUT * np.abs(way)] = 0.0  # at the end of its piece a law has no gradient
+        bend = body.law.linearise(aim).gradient - at.multiplier - np.einsum("mij,mj->mi", at.blocks, increment)
+        bend[np.abs(beyond) > _CUT * np.abs(increment)] = 0.0  # at the end of its piece a law has no gradient
         missed = np.hypot(body.stiffness * beyond, weights * np.where(at.moving, bend, off))
         return np.asarray(_PATIENCE * self.share * missed).ravel()

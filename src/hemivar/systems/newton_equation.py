@@ -1,4 +1,4 @@
-"""Newton's equation on the components of a point that are off the kinks of their laws, as a method asks for it."""
+"""Newton's equation on the active set, the components off the kinks of their laws, as a method asks for it."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class LinearisedPoint:
 
         A component whose place p does not change is held there.  Between the others ``dlam = (D^-1 - a) dr``.
         """
-        held, curvature, pushed = _slopes(on.jacobian, stiffness)
-        moving = body.active & ~held
+        at_kink, curvature, pushed = _slopes(on.jacobian, stiffness)
+        moving = body.active & ~at_kink
         if not body.law.state_dependent:
             return LinearisedPoint(x, force, on.r, on.multiplier, curvature, moving, body)
         pushed = np.where(moving & body.active[:, :1], pushed, 0.0)
@@ -85,27 +85,27 @@ def _slopes(jacobian: Array, stiffness: Array) -> tuple[BoolArray, Array, Array]
     m, d = stiffness.shape
     pushed = np.zeros((m, d))
     if d > 2 or (d == 2 and jacobian[:, 0, 1].any()):
-        held, inverse = _inverse(jacobian, stiffness)
-        pushed -= np.einsum("mij,mj->mi", inverse, np.where(held[:, :1], jacobian[:, :, 0], 0.0))
-        return held, _less(inverse, np.where(held, 0.0, stiffness)[:, :, None] * np.eye(d)), pushed
+        at_kink, inverse = _inverse(jacobian, stiffness)
+        pushed -= np.einsum("mij,mj->mi", inverse, np.where(at_kink[:, :1], jacobian[:, :, 0], 0.0))
+        return at_kink, _less(inverse, np.where(at_kink, 0.0, stiffness)[:, :, None] * np.eye(d)), pushed
     diagonal = jacobian.reshape(m, d * d)[:, :: d + 1]
-    held = np.abs(diagonal) * stiffness <= _NONE
-    inverse = 1.0 / np.where(held, np.inf, diagonal)
-    curvature = _less(inverse, np.where(held, 0.0, stiffness))
+    at_kink = np.abs(diagonal) * stiffness <= _NONE
+    inverse = 1.0 / np.where(at_kink, np.inf, diagonal)
+    curvature = _less(inverse, np.where(at_kink, 0.0, stiffness))
     if d == 1 or not (follows := jacobian[:, 1, 0]).any():
-        return held, curvature, pushed
+        return at_kink, curvature, pushed
     column = -inverse[:, 1] * follows
-    pushed[:, 1] = np.where(held[:, 0], column, 0.0)
+    pushed[:, 1] = np.where(at_kink[:, 0], column, 0.0)
     blocks = np.zeros((m, 4))
     blocks[:, ::3], blocks[:, 2] = curvature, column * inverse[:, 0]
-    return held, blocks.reshape(m, 2, 2), pushed
+    return at_kink, blocks.reshape(m, 2, 2), pushed
 
 
 def _less(inverse: Array, a: Array) -> Array:
     """The difference, rounding left out."""
-    found = inverse - a
-    found[np.abs(found) <= _NONE * a] = 0.0
-    return found
+    difference = inverse - a
+    difference[np.abs(difference) <= _NONE * a] = 0.0
+    return difference
 
 
 def _inverse(blocks: Array, stiffness: Array) -> tuple[BoolArray, Array]:
@@ -114,14 +114,14 @@ def _inverse(blocks: Array, stiffness: Array) -> tuple[BoolArray, Array]:
     Where one is singular it is that of a matrix nearby: a point that is held along an oblique direction is very stiff
     there.
     """
-    held = (np.abs(blocks) * stiffness[:, None, :]).max(axis=2) <= _NONE
-    free, unit = ~held[:, :, None] & ~held[:, None, :], np.eye(held.shape[1])
+    at_kink = (np.abs(blocks) * stiffness[:, None, :]).max(axis=2) <= _NONE
+    free, unit = ~at_kink[:, :, None] & ~at_kink[:, None, :], np.eye(at_kink.shape[1])
     blocks = np.where(free, blocks, unit)
     scale = 1.0 / np.sqrt(np.abs(np.einsum("mii->mi", blocks)))
     scales = scale[:, :, None] * scale[:, None, :]
     scaled = blocks * scales
     scaled += np.where(np.abs(np.linalg.det(scaled)) <= _SINGULAR, _SINGULAR, 0.0)[:, None, None] * unit
-    return held, np.where(free, np.linalg.inv(scaled) * scales, 0.0)
+    return at_kink, np.where(free, np.linalg.inv(scaled) * scales, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A body that is not linear with its foundation: all unknowns, and the linear bodies that take its place near them."""
+"""A nonlinear body with its foundation: all unknowns, and the linear bodies (tangents) that stand for it."""
 
 from __future__ import annotations
 
@@ -194,10 +194,10 @@ class NonlinearBody(OfProblem, OfUnknowns):
         if not isinstance(self.bulk, Potential):
             return self._linear(linear_bulk(self.bulk, x), x, force)
         try:
-            found = tangent_problem(self.problem, x)
+            tangent = tangent_problem(self.problem, x)
         except Softened:
             return None
-        return _LinearProblem(found.under(force + found.bulk.gradient(x)))
+        return _LinearProblem(tangent.under(force + tangent.bulk.gradient(x)))
 
     def above_at(self, x: Array, force: Array) -> LinearBody | None:
         return self._linear(self.bulk.upper, x, force) if isinstance(self.bulk, Potential) else None
@@ -206,8 +206,8 @@ class NonlinearBody(OfProblem, OfUnknowns):
         return _LinearProblem(self.problem.under(force + bulk.gradient(x), bulk=bulk))
 
     def coarse_system(self) -> NonlinearBody | None:
-        found = self._below
-        return None if found is None else NonlinearBody(found.on_coarse_mesh(self.problem), self.workspace)
+        below = self._below
+        return None if below is None else NonlinearBody(below.on_coarse_mesh(self.problem), self.workspace)
 
     def from_below(self, x: Array) -> Array:
         assert self._below is not None

@@ -21,42 +21,20 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Curves cut into segments: one row for each curve (n), one column for each segment (S), padded.
+    """Curves cut into segments: one row for each curve (n), one column for each segment (S), padded."""
 
-    Attributes
-    ----------
-    count : int array (n,)
-        Number of segments.
-    kink : bool array (n, S)
-        Whether lambda moves along the segment (else r).
-    piece : int array (n, S)
-        Piece of the law, of a kink the one before it.
-    knot : array (n, S)
-        Displacement at a kink.
-    direction : array (n, S)
-        +1, or -1 at a kink where the derivative jumps down.
-    start, end : arrays (n, S)
-        theta at the two ends (lengths), infinite at the outer ones.
-    origin, value : arrays (n, S)
-        theta at a finite point of the segment, and r (piece) or lambda (kink) there.
-    low, high : arrays (n, S)
-        The ends themselves: r (piece), lambda to the left and to the right (kink); may be infinite.
-    affine : bool array (n, S)
-        Whether lambda is affine in r on the segment.
-    """
-
-    count: IntArray
-    kink: BoolArray
-    piece: IntArray
-    knot: Array
-    direction: Array
-    start: Array
+    count: IntArray  # (n,): number of segments
+    kink: BoolArray  # (n, S): whether lambda moves along the segment (else r)
+    piece: IntArray  # (n, S): piece of the law, of a kink the one before it
+    knot: Array  # (n, S): displacement at a kink
+    direction: Array  # (n, S): +1, or -1 at a kink where the derivative jumps down
+    start: Array  # (n, S): theta at the two ends (lengths), infinite at the outer ones
     end: Array
-    origin: Array
-    value: Array
-    low: Array
+    origin: Array  # (n, S): theta at a finite point of the segment
+    value: Array  # (n, S): r (piece) or lambda (kink) there
+    low: Array  # (n, S): the ends: r (piece), lambda to the left and to the right (kink); may be infinite
     high: Array
-    affine: BoolArray
+    affine: BoolArray  # (n, S): whether lambda is affine in r on the segment
 
     @property
     def size(self) -> int:
@@ -103,19 +81,10 @@ _PADDING: dict[str, float | bool] = {
 
 
 def graph_segments(law: Superpotential, m: int, point: IntArray, tau: Array) -> Segments:
-    """The graphs of a law at some of its m contact points.
+    """The graphs of a law at some of its m contact points, ``point (n,)``.
 
     Neighbouring pieces with the same constant curvature are one segment, and a knot without a jump is none.
-
-    Parameters
-    ----------
-    law : Superpotential
-    m : int
-        Number of contact points of the law.
-    point : int array (n,)
-        Those that are meant.
-    tau : array (n,)
-        Length that stands for a unit of the multiplier.
+    ``tau (n,)``: the length that stands for a unit of the multiplier.
     """
     knots = np.broadcast_to(law.knots, (m, law.knots.shape[-1]))[point]
     left, right = (np.broadcast_to(slope, (m, slope.shape[-1]))[point] for slope in law.knot_slopes())
@@ -133,7 +102,7 @@ def graph_segments(law: Superpotential, m: int, point: IntArray, tau: Array) -> 
         here = 2 * k
         low[:, here] = knots[:, k - 1] if k else -np.inf
         high[:, here] = np.where(finite[:, k], knots[:, k], np.inf) if k < width else np.inf
-        bend[:, here], affine[:, here] = (found[point] for found in straightness(law, np.full(m, k)))
+        bend[:, here], affine[:, here] = (part[point] for part in straightness(law, np.full(m, k)))
         there = finite[:, k - 1] if k else np.ones(n, dtype=bool)
         met = there & (high[:, here] > lower) & (low[:, here] < upper)
         same = (
@@ -188,14 +157,14 @@ def graph_segments(law: Superpotential, m: int, point: IntArray, tau: Array) -> 
 def joined_rows(parts: list[Segments], order: list[IntArray]) -> Segments:
     """Rows of several tables in one: row i of a part becomes row ``order[part][i]``."""
     width = max(part.kink.shape[1] for part in parts)
-    place = np.argsort(np.concatenate(order))
+    position = np.argsort(np.concatenate(order))
 
     def wide(table: NDArray[_Scalar], fill: float | bool) -> NDArray[_Scalar]:
         return np.pad(table, ((0, 0), (0, width - table.shape[1])), constant_values=fill)
 
     tables = {
-        item.name: np.concatenate([wide(getattr(part, item.name), _PADDING[item.name]) for part in parts])[place]
+        item.name: np.concatenate([wide(getattr(part, item.name), _PADDING[item.name]) for part in parts])[position]
         for item in fields(Segments)
         if item.name != "count"
     }
-    return Segments(np.concatenate([part.count for part in parts])[place], **tables)
+    return Segments(np.concatenate([part.count for part in parts])[position], **tables)

@@ -1,4 +1,4 @@
-"""What is expensive about a model, kept by whoever owns it: factors, Schur complement, levels, norms."""
+"""The cache of what is expensive about a model, kept by whoever owns it: factors, Schur complement, levels, norms."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ __all__ = ["Workspace"]
 
 K = TypeVar("K")
 T = TypeVar("T")
-#: Kinds of things that are kept for each body by their content.
-_KINDS = 4
 _CONDENSATION, _FOR_MANY = "condensation", "condensation for many loads"
 
 
@@ -153,7 +151,7 @@ class Workspace:
             digest.update(repr((array.shape, array.dtype.str)).encode())
             digest.update(np.ascontiguousarray(array).tobytes())
         with self._lock:
-            return _recent(self._of_contents, digest.digest(), _KINDS * self._bodies)
+            return _recent(self._of_contents, digest.digest(), 4 * self._bodies)
 
 
 class _Shelf:

@@ -458,9 +458,8 @@ def _found(task: _Task) -> SweepPoint:
     if isinstance(task.source, tuple):
         text, folder, name = task.source
         own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
-        stated: ProblemLike = parse_problem_file(
-            text, folder, name, changes=[*task.changes, *own], code=task.code
-        ).problem
+        changes = [*task.changes, *own]
+        stated: ProblemLike = parse_problem_file(text, folder, name, changes=changes, code=task.code).problem
     else:
         takes = "let it take a value of each parameter and return a problem"
         stated = cast(ProblemLike, answer(task.source, task.values, "sweep", takes))
