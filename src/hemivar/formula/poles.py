@@ -18,7 +18,7 @@ __all__ = ["NARROW", "NARROWEST", "Pole", "pole_in_box", "pole_of_pieces", "pole
 _AT_ONCE, _BOXES = 256, 16
 #: A part that is not wider than this part of its distance to zero, 450 roundings, or of the reach, is one place.
 NARROW, NARROWEST = 1e-13, 1e-18
-#: Parts that are no farther from the end of a piece than so many times their width touch it: any number from 1 to 16
+#: Parts that are no farther from the end of a piece than so many of these widths touch it: any number from 1 to 16
 #: finds the same poles in tests/formula and tests/laws.
 _TOUCHES = 4.0
 #: Places nearer to zero than this part of the reach lie at zero: with 1e-12 tests/formula find the same poles.
