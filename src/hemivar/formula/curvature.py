@@ -15,7 +15,7 @@ from hemivar.formula.smooth import MOST_PARTS
 
 __all__ = ["BoxVariable", "EnclosedRange", "enclosed_range", "second_derivatives"]
 
-#: Part of the least and of the largest value by which the range may be wider than what was seen.
+#: Part of the least and of the largest value by which the range may be wider than what was seen, as tests/formula ask.
 _TIGHT = 5e-3
 
 

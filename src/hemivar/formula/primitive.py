@@ -12,7 +12,8 @@ from hemivar.formula.smooth import MOST_PARTS, SmoothFormula
 __all__ = ["Primitive"]
 
 _FINE, _COARSE = (np.polynomial.legendre.leggauss(count) for count in (16, 10))
-#: How often a part is halved at most; differences of two rules that are rounding, relative to the size of the function.
+#: How often a part is halved at most, to 1e-12 of it, and what rounding leaves between two rules, relative to the size
+#: of the function: about a rounding for each of ten nodes.
 _HALVINGS, _ROUNDING = 40, 2e-15
 #: Parts of an interval at first, which grow by 4 from both of its ends: what is narrow there is seen at its own size.
 _GRADES = 4.0 ** np.arange(-15.0, 0.0)

@@ -28,7 +28,7 @@ from hemivar.laws.vector_law import Chart, OnGraph
 __all__ = ["ContactChart", "GraphTables"]
 
 #: A Newton step on a curved piece is the last one if it is no longer than this part of the place: what it misses is of
-#: second order, 1e-14 of it.
+#: second order. Any value from 1e-10 to 1e-5 gives the same pairs in tests/laws.
 _EXACT = 1e-7
 
 

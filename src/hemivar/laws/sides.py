@@ -15,10 +15,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Sides", "lengths", "most_resisted", "polar", "rest_forces", "sides_of"]
 
-#: A multiplier along a slip that is larger than any of a law.
+#: A multiplier along a slip that is larger than any of a law in common units, and whose square is still a number.
 _LARGE = 1e30
-#: Least step beside a displacement, by its largest component and at all; part of a curvature by which it jumps.
-_BESIDE, _LEAST, _JUMPS = 1e-12, 1e-150, 1e-4
+#: Least step beside a displacement, by its largest component and at all, so that its square is not zero.
+_BESIDE, _LEAST = 1e-12, 1e-150
+#: Part of a curvature by which it jumps: any value from 1e-6 to 1e-2 gives the same sides in tests/laws.
+_JUMPS = 1e-4
 #: Directions and places at which is looked how much resists.
 _TURNS, _ALONG = 9, np.concatenate([[1e-9], np.geomspace(1e-4, 1.0, 60)])
 _ASIDE = np.sin(np.linspace(0.0, np.pi, _TURNS))

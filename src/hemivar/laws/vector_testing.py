@@ -86,6 +86,11 @@ def _graph_steps(chart: Callable[[], _Chart]) -> tuple[Step, ...]:
     )
 
 
+def _differences(of: Callable[[Array], Array], at: Array, step: float) -> Array:
+    """Central differences of an answer along each component of places (m, c)."""
+    return np.stack([(of(at + s) - of(at - s)) / (2.0 * step) for s in step * np.eye(at.shape[1])], axis=-1)
+
+
 @dataclass(frozen=True, eq=False)
 class _Chart:
     """Random places of Minty's chart, ``p`` and ``a``, and the questions about them."""
@@ -140,10 +145,7 @@ class _Chart:
         return None
 
     def jacobian(self) -> str | None:
-        step = 1e-6 * self.size
-        shifts = step * np.eye(self.p.shape[1])
-        ways = [(self.law.on_graph(self.p + s, self.a).r, self.law.on_graph(self.p - s, self.a).r) for s in shifts]
-        rates = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
+        rates = _differences(lambda p: self.law.on_graph(p, self.a).r, self.p, 1e-6 * self.size)
         stated = self.law.on_graph(self.p, self.a).jacobian
         off = np.abs(rates - stated).max(axis=(1, 2)) * self.a.min(axis=1)
         largest = 1.0 + np.abs(rates).max(axis=(1, 2)) * self.a.min(axis=1)
@@ -204,10 +206,6 @@ class Questions:
         value = float(self.law.value(np.zeros((1, self.c)))[0])
         return None if abs(value) <= 1e-12 * self.slope * self.reach else f"j(0) = {value:.6g}"
 
-    def _differences(self, of: Callable[[Array], Array], step: float) -> Array:
-        shifts = step * np.eye(self.c)
-        return np.stack([(of(self.r + shift) - of(self.r - shift)) / (2.0 * step) for shift in shifts], axis=-1)
-
     def _inside(self, step: float) -> Array:
         """Smooth places away from the ends of the pieces."""
         sides = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * self.c), axis=-1).reshape(-1, self.c)
@@ -217,13 +215,13 @@ class Questions:
 
     def gradient(self) -> str | None:
         step = 1e-6 * self.reach
-        off = np.abs(self._differences(self.law.value, step) - self.law.linearise(self.r).gradient).max(axis=1)
+        off = np.abs(_differences(self.law.value, self.r, step) - self.law.linearise(self.r).gradient).max(axis=1)
         return self._worst(np.where(self._inside(step), off, 0.0), 1e-4 * self.slope)
 
     def hessian(self) -> str | None:
         step = 1e-6 * self.reach
         line = self.law.linearise(self.r)
-        differences = self._differences(lambda r: self.law.linearise(r).gradient, step)
+        differences = _differences(lambda r: self.law.linearise(r).gradient, self.r, step)
         off = np.abs(differences - line.hessian).max(axis=(1, 2))
         return self._worst(np.where(self._inside(step), off, 0.0), 1e-4 * float(np.abs(line.hessian).max()) + 1e-300)
 
@@ -322,11 +320,8 @@ class Questions:
         return self._off_graph(end)
 
     def jacobian(self) -> str | None:
-        tau, step = 1.0 / self.a, 1e-7 * self.reach
-        x = self.random.uniform(-self.reach, self.reach, (_PROBLEMS, self.c))
-        shifts = step * np.eye(self.c)
-        ways = [(self.law.prox(x + shift, tau), self.law.prox(x - shift, tau)) for shift in shifts]
-        differences = np.stack([(ahead - behind) / (2.0 * step) for ahead, behind in ways], axis=-1)
+        tau, x = 1.0 / self.a, self.random.uniform(-self.reach, self.reach, (_PROBLEMS, self.c))
+        differences = _differences(lambda x: self.law.prox(x, tau), x, 1e-7 * self.reach)
         off = np.abs(differences - self.law.prox_jacobian(x, tau)).max(axis=(1, 2))
         most = np.abs(differences).max(axis=(1, 2))
         wrong = (off > 1e-3 * (1.0 + most)) & (most < 50.0)  # beyond, prox jumps, or is about to

@@ -31,7 +31,7 @@ __all__ = ["MixedMode", "stated_compression"]
 
 #: Parts of the way from rest to the break at which the tractions are looked at.
 _WAYS = np.linspace(0.0, 1.0, 201)
-#: Part of an effective opening that is rounding.
+#: Part of an effective opening that is rounding: any value from 1e-12 to 1e-9 gives the same answers in tests/laws.
 _ROUNDING = 1e-12
 
 

@@ -29,11 +29,14 @@ from hemivar.laws.vector_law import Linearisation, VectorLaw, polar
 
 __all__ = ["OwnCoupledLaw"]
 
-#: Part of the forces of a law that is none.
+#: Part of the forces of a law that is none: what stands for zero, 1e-60 of the reach, makes no larger ones.
 _NOTHING = 1e-40
-#: Lines of the grid on which the minimisers of a local problem are looked for, to either side, and starts taken of it.
+#: Lines of the grid on which the minimisers of a local problem are looked for, to either side, and starts taken of it:
+#: valleys narrower than a seventieth of the reach may be missed, as CoupledFormulaLaw says. With half as many of either
+#: tests/laws/coupled find all.
 _GRID, _STARTS = 70, 8
-#: Lengths, as parts of the reach, at which growth far away is looked at.
+#: Lengths, as parts of the reach, at which growth far away is looked at: a slope that doubles from one to the next
+#: grows without bound.
 _FAR = (1e4, 1e6, 1e8)
 
 

@@ -30,7 +30,7 @@ from hemivar.laws.transformed.transformed_law import as_examined
 
 __all__ = ["Friction", "OrthotropicFriction", "SlipMeasure", "friction_in_increments"]
 
-#: Knots of a profile next to which it is tried out.
+#: Knots of a profile next to which it is tried out, evenly chosen among more: they take 1 ms of an AMD EPYC.
 _MOST_KNOTS = 2000
 #: Contact points at which a profile that differs from one to the next is tried out.
 _MOST_ROWS = 20

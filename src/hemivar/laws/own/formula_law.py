@@ -28,11 +28,13 @@ __all__ = ["FORMULA", "FormulaLaw"]
 
 #: Kinks and turns of the curvature that a formula may have, as docs/laws.md says.
 _MOST_KNOTS = 1000
-#: Turns nearer to zero than this part of the reach are distinguished as if they were as far.
+#: Turns nearer to zero than this part of the reach are distinguished as if they were as far; any value from
+#: 1e-8 to 1e-4 finds the same in tests/laws.
 _FINEST = 1e-6
 #: Turns in a decade beyond the reach up to which they are taken, and work on it: 0.05 s of an AMD EPYC.
 _FEW_FAR, _FAR_WORK = 20, 2e6
-#: How much farther than the reach a potential is integrated to rounding; beyond over parts that double.
+#: How much farther than the reach a potential is integrated to rounding, beyond over parts that double; with 10 the
+#: potentials in tests/laws are the same.
 _FAR_INTEGRAL = 1e3
 _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 

@@ -81,7 +81,8 @@ GivenFunction = Callable[..., ArrayLike]
 
 #: Gauss's rule on each of eight parts from the end of a piece; a law for which it is too coarse is refused.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
-#: Samples in which turns of the curvature are looked for at most, and what a curve may leave a straight line by.
+#: Samples in which turns of the curvature are looked for at most, and what a curve may leave a straight line by; with
+#: 0.1 tests/laws find the same turns.
 _MOST_SAMPLES, _BENT = 4000, 0.02
 
 
