@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import hemivar as hv
-from tests.laws.test_scalar_graph_downhill import GLUE
+from tests.laws.test_scalar_graph_local_minimiser import GLUE
 
 
 def beam(cells: int) -> hv.DiscreteProblem:

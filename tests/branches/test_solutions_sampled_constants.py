@@ -64,7 +64,7 @@ def check_words(problem: DiscreteProblem, sampled: bool) -> None:
 )
 def test_friction_bounds(bound: object, sampled: bool) -> None:
     check_words(
-        points_on_springs(1.0, (1.0, 0.3), ContactLaw(Compliance(0.5), Friction(PenetrationBound(bound)))), sampled
+        points_on_springs(1.0, (1.0, 0.3), ContactLaw(Compliance(0.5), Friction(PenetrationBound(bound))), 2), sampled
     )
 
 
@@ -77,7 +77,7 @@ def test_friction_bounds(bound: object, sampled: bool) -> None:
     ],
 )
 def test_laws(law: Superpotential, sampled: bool) -> None:
-    check_words(one_point(ContactLaw(law.scaled(0.3), Friction(0.1)), 2), sampled)
+    check_words(points_on_springs(1.0, (1.0, 0.3), ContactLaw(law.scaled(0.3), Friction(0.1)), 2), sampled)
 
 
 def test_three_solutions_are_not_each_unique() -> None:
