@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+import textwrap
 import time
+from pathlib import Path
 
 import pytest
 
@@ -54,3 +58,35 @@ def test_processes_do_all_of_it_and_one_that_dies_is_told() -> None:
     assert sorted(results(squared, range(9), 2)) == [number**2 for number in range(9)]
     with pytest.raises(MethodError, match="a process ended before its work was done"):
         list(results(dead, [1, 1, 1], 2))
+
+
+STOPPED = """
+    import pathlib
+    import time
+    from hemivar.basics.processes import results
+
+    returning = pathlib.Path("returning")
+
+    def large(task):  # what it returns goes through a pipe for a while
+        if task:
+            returning.touch()
+        return bytes(10**8 * task)
+
+    if __name__ == "__main__":
+        for k in range(8):
+            returning.unlink(missing_ok=True)
+            work = results(large, [0, 1, 1, 1], 2)
+            next(work)
+            while not returning.exists():
+                time.sleep(0.001)
+            time.sleep(0.02 * k)
+            work.close()
+"""
+
+
+@pytest.mark.slow
+def test_processes_that_are_stopped_while_they_write_do_not_hold_the_end(tmp_path: Path) -> None:
+    script = tmp_path / "stopped.py"
+    script.write_text(textwrap.dedent(STOPPED))
+    run = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr

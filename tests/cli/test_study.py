@@ -271,7 +271,7 @@ def test_templates_are_listed_and_others_refused(tmp_path: Path, capsys: pytest.
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> None:
-    command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "7", "--jobs", "2"]
+    command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "8", "--jobs", "2"]
     kept = Path("a.jsonl")
     process = subprocess.Popen(
         [*command, "--checkpoint", "a.jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -284,10 +284,10 @@ def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Si
     out, err = process.communicate(timeout=60)
     assert process.returncode == (130 if end is signal.SIGINT else -signal.SIGKILL), err
     done = kept.read_text().splitlines()
-    assert 4 <= len(done) < 9
+    assert 4 <= len(done) < 10  # the last mesh alone takes seconds
     if end is signal.SIGINT:
         assert err == "hemivar: interrupted\n"
-        told = re.search(r"interrupted: (\d) of 8 meshes are done; run the same command to continue", out)
+        told = re.search(r"interrupted: (\d) of 9 meshes are done; run the same command to continue", out)
         assert told is not None
         assert int(told[1]) in (len(done) - 1, len(done) - 2)  # it may come when a mesh was kept and is to be told
     late = time.monotonic() + 20.0

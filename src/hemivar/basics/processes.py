@@ -76,11 +76,26 @@ def results(
             'script start them below if __name__ == "__main__":'
         ) from error
     finally:
+        pipes = _ends_of_processes(pool)
         pool.shutdown(wait=finished, cancel_futures=True)
         for child in [] if finished else multiprocessing.active_children():
             if child.pid not in before:
                 child.terminate()
                 child.join(5.0)
+        for pipe in [] if finished else pipes:
+            pipe.close()
+
+
+def _ends_of_processes(pool: ProcessPoolExecutor) -> list[connection.Connection]:
+    """The ends of a pool's pipes that its processes use, which are open here as well.
+
+    While they are, a thread that reads half a result of a process that was ended, or writes a task that nobody takes
+    any more, waits for ever, and the interpreter for it. The attributes are private ones of Python; where they are
+    not there, nothing is closed.
+    """
+    ends = (("_result_queue", "_writer"), ("_call_queue", "_reader"))
+    pipes = (getattr(getattr(pool, queue, None), end, None) for queue, end in ends)
+    return [pipe for pipe in pipes if pipe is not None]
 
 
 def _prepare(files: Sequence[Path]) -> None:
