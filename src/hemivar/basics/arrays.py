@@ -17,11 +17,16 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["SAME", "norm", "real_array", "real_matrix", "unmasked"]
+__all__ = ["ROUNDED", "SAME", "SOLVED", "norm", "real_array", "real_matrix", "unmasked"]
 
 #: Part of the largest of their kind by which two numbers (coordinates, loads, prescribed values) may differ and be the
 #: same: far above rounding (1e-16), far below what anybody means.
 SAME = 1e-9
+#: Part of the largest of what a solve leaves that tells nothing: the default tolerance of one.
+SOLVED = 1e-9
+#: Part of the largest of what is summed up that is rounding: 4500 times that of one number, which a sum of as many
+#: products may reach, and products of a few matrices on a mesh stay below.
+ROUNDED = 1e-12
 #: Squares of norms between which no square of an entry that counts over- or underflows.
 _TINY, _HUGE = 1e-240, 1e240
 #: What NumPy's kinds of entries that are no numbers are called.

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.arguments import expect, number
+from hemivar.basics.arrays import SAME
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import ManufacturedProblem
@@ -32,7 +33,6 @@ from hemivar.bounds.flat_cells import largest_share
 from hemivar.bounds.goal_values import GoalValue, goal_value
 from hemivar.bounds.goals import Goal, goal_named
 from hemivar.bounds.joined_refinement import refined_alike
-from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.touching_bodies import refuse_touching
 from hemivar.bounds.trace_bounds import TraceBounds, body_constants
 from hemivar.discrete.problem import DiscreteProblem
@@ -422,7 +422,7 @@ def _ended(level: AdaptiveLevel, rtol: float, stop: bool | None, max_unknowns: i
     if not math.isfinite(level.distance.distance) and goal is None:
         return AdaptiveEnd.NO_BOUND
     bound = level.distance
-    if goal is None and bound.parts.algebraic > max(rtol * bound.energy_norm, ALIKE * bound.distance):
+    if goal is None and bound.parts.algebraic > max(rtol * bound.energy_norm, SAME * bound.distance):
         return AdaptiveEnd.ALGEBRAIC
     return AdaptiveEnd.MAX_UNKNOWNS if level.unknowns > max_unknowns else None
 

@@ -11,10 +11,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.coarsening import coarsened
 from hemivar.bounds.facet_table import FacetTable, facet_table
-from hemivar.bounds.roundings import ALIKE, CONSTANT
+from hemivar.bounds.roundings import CONSTANT
 from hemivar.errors import ProblemError
 from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.supports import DEPENDENT
@@ -257,7 +258,7 @@ def facet_cover(mine: Array, others: Array) -> BoolArray:
     """
     low, high = mine.min(axis=1), mine.max(axis=1)
     below, above = others.min(axis=1), others.max(axis=1)
-    flat = ALIKE * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max(initial=0.0))
+    flat = SAME * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max(initial=0.0))
     covered = np.ones((len(mine), len(others)), dtype=bool)
     for axis in range(mine.shape[2]):
         least = np.minimum(high[:, None, axis] - low[:, None, axis], above[:, axis] - below[:, axis])

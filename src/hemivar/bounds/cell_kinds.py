@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable
-from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.split_element import pulled_back, upper_pulled_back
 from hemivar.kernels.mesh_sums import alike_rows
 from hemivar.mesh.keys import equal_rows
@@ -51,11 +51,11 @@ def congruent_cells(table: FacetTable, compliance: Array) -> IntArray:
     parts = [table.gradients.reshape(len(table.cells), -1)]
     if len(compliance) > 1:
         parts.append(np.ascontiguousarray(compliance).reshape(len(parts[0]), -1))
-    number = alike_rows(parts[0], parts[1] if len(parts) > 1 else None, ALIKE)
+    number = alike_rows(parts[0], parts[1] if len(parts) > 1 else None, SAME)
     return equal_rows(np.concatenate([_rounded(part) for part in parts], axis=1)) if number is None else number
 
 
 def _rounded(values: Array) -> IntArray:
     """Integers for numbers (M, q): those of each row over its largest, and the logarithm of that."""
     size = np.abs(values).max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
-    return np.rint(np.concatenate([values / size, np.log2(size)], axis=1) / ALIKE).astype(np.int64)
+    return np.rint(np.concatenate([values / size, np.log2(size)], axis=1) / SAME).astype(np.int64)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.facet_table import facet_table
-from hemivar.bounds.roundings import ALIKE
 from hemivar.mesh.keys import EDGES, signed_volumes
 from hemivar.mesh.mesh import Mesh
 
@@ -266,7 +266,7 @@ class _State:
         left = (self.cells[cell] != onto[who, None]).all(axis=1)
         after = np.full(count, np.inf)
         np.minimum.at(after, who[left], shapes(self.points, new[left])[1])
-        least = (1.0 - ALIKE) * (_SHAPES[self.dim][0] if few else least)
+        least = (1.0 - SAME) * (_SHAPES[self.dim][0] if few else least)
         allowed = (after > _FLAT) & (after >= np.minimum((1.0 - _FLAT) * before, least))
         who, facet = fans
         old = self.facets[facet]
@@ -278,7 +278,7 @@ class _State:
         wrong = np.where(label == 0, between < -small, np.abs(between) > small)
         cut = np.bincount(who, np.where((label == 0) & (between > small), between, 0.0), count)
         allowed &= np.bincount(who, wrong, count) == 0
-        return allowed & (cut <= (1.0 + ALIKE) * self.allowed * total), np.asarray(cut, dtype=float)
+        return allowed & (cut <= (1.0 + SAME) * self.allowed * total), np.asarray(cut, dtype=float)
 
 
 def _incidences(simplices: IntArray, nodes: IntArray, count: int) -> tuple[IntArray, IntArray]:

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
+from hemivar.basics.arrays import ROUNDED, SOLVED
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
@@ -46,6 +47,7 @@ from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import LevelMatrix, Levels
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.solvers.multigrid import TIGHTEST
 from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.workspace import Workspace
 
@@ -53,13 +55,8 @@ __all__ = ["BalancedStress", "BareStiffness", "balanced_stress", "not_convex", "
 
 #: Weights b that are tried, over the stiffness of the body per length.
 _WEIGHTS = (1e-4, 1e-2, 1.0, 30.0)
-#: Steps of Newton, and what may be left of the loads.
-_STEPS, _BALANCED = 60, 1e-12
-#: Steps by which derivatives are taken, over the largest displacement or gap.
-_STEP = 1e-7
-#: Part of balanced forces that a solve leaves, and one that ranks or measures what is small; most that counts as
-#: rounding; cycles in turn.
-_EXACT, _ROUGH, _LEFT, _CYCLES = 1e-13, 0.1, 1e-9, 1000
+#: Part of balanced forces that a solve leaves which ranks or measures what is small, and most cycles of one.
+_ROUGH, _CYCLES = 0.1, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +178,8 @@ class _Multipliers:
             return wish, zeta, self._off(zeta)
 
         wish, zeta, off = at(q)
-        for _ in range(_STEPS):
-            if float(np.abs(off).max(initial=0.0)) <= _BALANCED * self.size:
+        for _ in range(60):
+            if float(np.abs(off).max(initial=0.0)) <= ROUNDED * self.size:
                 break
             change = -la.lstsq(weight * self._slope(wish, zeta, weight).reshape(count, count), off, cond=1e-12)[0]
             for _ in range(12):
@@ -193,13 +190,13 @@ class _Multipliers:
             else:
                 break
             q, (wish, zeta, off) = q + change, near
-        if float(np.abs(off).max(initial=0.0)) > 1e3 * _BALANCED * self.size:
+        if float(np.abs(off).max(initial=0.0)) > 1e3 * ROUNDED * self.size:
             return None
         return fenchel_gap(traces, wish, weight, unknown_gaps(traces)), q
 
     def _slope(self, wish: Array, zeta: Array, weight: float) -> Array:
         """How multipliers (k, q, d) follow what is wished for along the motions, by their works on these, (n, n)."""
-        step = _STEP * max(weight * float(np.abs(self.traces.local).max()), float(np.abs(self.target).max()))
+        step = 1e-7 * max(weight * float(np.abs(self.traces.local).max()), float(np.abs(self.target).max()))
         steps = step * np.eye(wish.shape[-1])
         follows = [near_multiplier(self.traces, wish + change, weight)[1] - zeta for change in steps]
         follow = np.stack(follows, axis=-1) / step
@@ -224,7 +221,7 @@ def _missed(traces: ContactTraces, zeta: Array) -> Array:
     data, table = traces.data, traces.data.table
     projected = traces.forces(data.facet_loads + traces.on_facets(-traces.moments(zeta)))
     square, whole = (sum(traces.square(part)) for part in (zeta - projected, zeta))
-    size = np.sqrt(np.where(square <= _EXACT**2 * whole, 0.0, square))
+    size = np.sqrt(np.where(square <= ROUNDED**2 * whole, 0.0, square))
     missed = np.zeros(len(table.cells))
     for side in (0, 1):
         seen = np.flatnonzero(table.owners[traces.facets, side] >= 0)
@@ -270,7 +267,7 @@ class BareStiffness:
         free = np.asarray((self._field.lift @ self._field.free_motions.motions).toarray())
         return np.asarray(np.linalg.qr(free)[0])
 
-    def solve(self, forces: Array, tolerance: float = _EXACT) -> Array:
+    def solve(self, forces: Array, tolerance: float = TIGHTEST) -> Array:
         """The displacement (nodes, d) of balanced forces (nodes, d); any rigid motion may be added to it.
 
         By conjugate gradients with the multigrid cycle, on what is orthogonal to the motions.
@@ -291,7 +288,7 @@ class BareStiffness:
                 A, diagonal, right, deforming, tolerance * size, _CYCLES, flexible=cycle.flexible
             ).solution
         left = float(np.linalg.norm(self._deforming(right - self._discrete.stiffness @ solution)))
-        if not left <= max(_LEFT, 2.0 * tolerance) * size:
+        if not left <= max(SOLVED, 2.0 * tolerance) * size:
             raise MethodError(
                 f"{_CYCLES} cycles of multigrid on the body without its contact leave {left / size:.2g} of the "
                 "forces; state the body with cells of better shape"

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array
 from hemivar.bounds.exact_distance import ExactDistance, exact_distance
 from hemivar.bounds.hypotheses import body_shape
 from hemivar.bounds.lower_bounds import lower_bounds
-from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.scalar_distance import scalar_distance, scalar_trace_bound
 from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.bounds.trace_bounds import body_constants
@@ -118,7 +118,7 @@ def _is_stated(problem: DiscreteProblem, stated: ContactProblem, u: Array) -> bo
         laws = (own.law.frozen_at(at), problem.law.frozen_at(at))
         pairs.append((laws[0].nearest_multiplier(at, at), laws[1].nearest_multiplier(at, at)))
     for one, other in pairs:
-        if one.shape != other.shape or np.abs(one - other).max(initial=0.0) > ALIKE * np.abs(one).max(initial=0.0):
+        if one.shape != other.shape or np.abs(one - other).max(initial=0.0) > SAME * np.abs(one).max(initial=0.0):
             return False
     return True
 

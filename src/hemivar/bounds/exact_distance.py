@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.basics.arguments import expect
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.deadline import OutOfTime
 from hemivar.basics.display import brief
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -79,8 +80,6 @@ _SOFT = 0.15
 _POWERS = (-5.0, -2.0, 1.0)
 #: Largest price of contact tractions, over 1 / Lambda.
 _DEAREST = 30.0
-#: Part of the largest traction of the body below which forces on the foundation are rounding.
-_ROUNDING = 1e-12
 #: Least part of that price where the multiplier follows the force.
 _LEAST = 0.05
 #: What the discrete problem misses of loads, over the misfit, from which it is answered by a displacement.
@@ -513,7 +512,7 @@ def _without_rounding(forces: Array, sweeper: PatchSmoother) -> Array:
     measures, moments = sweeper.data.table.measures, sweeper.moments
     sizes = np.maximum(moments.max(axis=(1, 2)), -moments.min(axis=(1, 2)))
     largest = (sizes / measures).max(initial=0.0)
-    return np.where(np.abs(forces) <= _ROUNDING * largest, 0.0, forces)
+    return np.where(np.abs(forces) <= ROUNDED * largest, 0.0, forces)
 
 
 def _multiplier(

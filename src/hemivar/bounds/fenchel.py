@@ -41,6 +41,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray
 from hemivar.bounds.contact_traces import ContactTraces, PartRule, radial_parts
 from hemivar.laws import ContactLaw, Superpotential, VectorLaw
@@ -57,8 +58,6 @@ __all__ = [
     "one_sided_constants",
 ]
 
-#: Part of the largest slope by which a multiplier may miss the end of its interval by rounding.
-_ROUNDING = 1e-12
 #: Change of the force, over the largest, by which it is seen whether the multiplier follows.
 _STEP = 1e-6
 #: Part of the way into a part at which its corners take their multiplier, so that each side of a kink has its own.
@@ -254,7 +253,7 @@ def one_sided(law: Superpotential, r: Array, zeta: Array) -> Array:
     left, right = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
     real = np.isfinite(knots)
     slopes = np.where(real & np.isfinite(left), np.abs(left), 0.0)
-    slack = _ROUNDING * np.maximum(slopes.max(axis=1), np.abs(zeta))
+    slack = ROUNDED * np.maximum(slopes.max(axis=1), np.abs(zeta))
     worst = np.zeros(r.shape)
     apart = np.where(real, knots - r[:, None], np.inf)
     with np.errstate(all="ignore"):
@@ -299,7 +298,7 @@ def one_sided_constants(traces: ContactTraces, zeta: Array) -> tuple[Array, Arra
     middle = traces.local[..., 1:].mean(axis=1)
     reach = np.linalg.norm(traces.local[..., 1:] - middle[:, None], axis=2).max(axis=1)
     high = size.reshape(shape).max(axis=1)
-    low = np.linalg.norm(middle, axis=1) - reach * (1.0 + _ROUNDING)
+    low = np.linalg.norm(middle, axis=1) - reach * (1.0 + ROUNDED)
     low = np.where(reach > 0.0, low, high)
     return normal, np.maximum(tangential, _beside_knots(traces.law.tangential, low, high, shape))
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray
 from hemivar.bounds.facet_table import FacetTable, facet_table
-from hemivar.bounds.roundings import ALIKE
 from hemivar.mesh.local_refinement import bisected
 from hemivar.mesh.mesh import Mesh
 
@@ -46,7 +46,7 @@ def largest_share(added: Array, share: float) -> BoolArray:
     largest = -np.sort(-added)
     cumulative = np.cumsum(largest)
     last = largest[min(int(np.searchsorted(cumulative, share * cumulative[-1])), len(largest) - 1)]
-    return np.asarray(added >= (1.0 - ALIKE) * last)
+    return np.asarray(added >= (1.0 - SAME) * last)
 
 
 def bettered(table: FacetTable, added: Array) -> Mesh | None:

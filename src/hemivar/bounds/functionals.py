@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.bare_body import contact_sides
 from hemivar.bounds.body_data import BodyData
 from hemivar.bounds.goals import Goal, GoalKind
-from hemivar.bounds.roundings import ALIKE
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.supports import stated_supports
@@ -87,7 +87,7 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
         touching[side[facets]] = True
     dim = data.table.dim
     rows = np.repeat(touching, dim).astype(float)
-    given = np.asarray(abs(basis).T @ rows) > ALIKE
+    given = np.asarray(abs(basis).T @ rows) > SAME
     free = np.flatnonzero(~given)
     factor = factorise(K[free][:, free], np.zeros(0, dtype=np.int64)) if free.size else None
     components = []
@@ -104,7 +104,7 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
         rest[facets] = data.jump(field, facets) - jump[facets, None]
         loose = np.eye(dim) - data.freed(facets)
         rest[facets] = np.einsum("fij,faj->fai", loose, rest[facets])
-        rest[np.abs(rest) < ALIKE] = 0.0
+        rest[np.abs(rest) < SAME] = 0.0
         components.append(Functional(axis, field, np.zeros(rest.shape), rest, _hindrance(goal, data, axis, field)))
     return tuple(components)
 
@@ -151,13 +151,13 @@ def _hindrance(goal: Goal, data: BodyData, axis: int, field: Array) -> str:
     should = np.zeros((len(outer), table.dim))
     if goal.kind is GoalKind.CONTACT_FORCE:
         here = data.contact[outer] == _contact(goal, data.problem)[0]
-        if np.abs(np.einsum("fij,j->fi", data.freed(outer), unit)[here]).max(initial=0.0) > ALIKE:
+        if np.abs(np.einsum("fij,j->fi", data.freed(outer), unit)[here]).max(initial=0.0) > SAME:
             return f"a support constrains contact '{goal.boundary}' along {'xyz'[axis]}, where force of both is one"
     else:
         own = table.numbers(data.problem.mesh.boundaries[goal.boundary])
         should[np.isin(outer, own)] = unit
     off = np.einsum("fij,faj->fai", data.freed(outer), field[table.facets[outer]] - should[:, None])
-    if np.abs(off).max(initial=0.0) > ALIKE:
+    if np.abs(off).max(initial=0.0) > SAME:
         return f"support '{goal.boundary}' meets another one, whose force at their common end has no bound"
     return ""
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.bounds.facet_table import facet_table
 from hemivar.bounds.joined_sides import joined_sides
-from hemivar.bounds.roundings import ALIKE
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
@@ -41,7 +41,7 @@ def _behind(mesh: Mesh, fine: str, coarse: str) -> IntArray:
     """The cells at facets of a boundary with an edge that is cut on the other one."""
     with IMPORTS:
         from scipy.spatial import cKDTree
-    near = ALIKE * float(np.ptp(mesh.points, axis=0).max())
+    near = SAME * float(np.ptp(mesh.points, axis=0).max())
     facets = mesh.boundaries[coarse]
     own, nodes = mesh.points[np.unique(facets)], mesh.points[np.unique(mesh.boundaries[fine])]
     alone = nodes[cKDTree(own).query(nodes)[0] > near]

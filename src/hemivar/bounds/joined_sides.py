@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import IntArray
 from hemivar.mechanics.statement import ContactProblem
@@ -12,9 +13,6 @@ from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["joined_sides", "touch"]
-
-#: Distance of two nodes at one place that is rounding, of the extent of the mesh.
-_ROUNDED = 1e-12
 
 
 def touch(problem: ContactProblem) -> bool:
@@ -50,7 +48,7 @@ def _nodes_at_one_place(mesh: Mesh, slave: IntArray, master: IntArray) -> IntArr
     with IMPORTS:
         from scipy.spatial import cKDTree
     distance, nearest = cKDTree(mesh.points[theirs]).query(mesh.points[ours])
-    if np.max(distance) > _ROUNDED * float(np.ptp(mesh.points, axis=0).max()):
+    if np.max(distance) > ROUNDED * float(np.ptp(mesh.points, axis=0).max()):
         return None
     seen = np.arange(mesh.number_of_nodes)
     seen[ours] = theirs[nearest]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.bounds.roundings import ALIKE
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.formula import Formula, FormulaArray
@@ -259,7 +259,7 @@ def _cut(parts: _Parts, corners: Array) -> tuple[IntArray, IntArray, Array]:
     places = np.einsum("kab,kbd->kad", rest, corners[parts.owner[~whole]])
     pairs = np.array(EDGES[p] if p > 1 else ((0, 1),))
     length = np.linalg.norm(places[:, pairs[:, 0]] - places[:, pairs[:, 1]], axis=2)
-    ends = pairs[np.argmax(length >= (1.0 - ALIKE) * length.max(axis=1, keepdims=True), axis=1)]
+    ends = pairs[np.argmax(length >= (1.0 - SAME) * length.max(axis=1, keepdims=True), axis=1)]
     every = np.arange(len(rest))
     middle = 0.5 * (rest[every, ends[:, 0]] + rest[every, ends[:, 1]])
     for end in ends.T:

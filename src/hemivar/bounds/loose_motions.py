@@ -19,10 +19,10 @@ from itertools import combinations
 import numpy as np
 import scipy.linalg as la
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array
 from hemivar.bounds.bare_body import has_constant_normals
 from hemivar.bounds.contact_traces import ContactTraces
-from hemivar.bounds.roundings import ALIKE
 from hemivar.laws import ContactLaw, Superpotential
 
 __all__ = ["loose_motions"]
@@ -97,19 +97,19 @@ def _vanishing(rows: Array, scale: float) -> Array:
     if not len(rows):
         return np.eye(rows.shape[1])
     _, sizes, axes = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    rank = np.count_nonzero(sizes > ALIKE * scale * np.sqrt(len(rows)))
+    rank = np.count_nonzero(sizes > SAME * scale * np.sqrt(len(rows)))
     return np.asarray(axes[rank:].T)
 
 
 def _plain(columns: Array) -> Array:
     """A basis (n, m) of the space of some columns, each with a one where the others have none."""
     axes, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    rows = axes[:, sizes > ALIKE].T
+    rows = axes[:, sizes > SAME].T
     if not len(rows):
         return np.asarray(rows.T)
     ones = np.sort(la.qr(rows, mode="r", pivoting=True)[1][: len(rows)])
     basis = np.linalg.solve(rows[:, ones], rows).T
-    return np.asarray(np.where(np.abs(basis) > ALIKE, basis, 0.0))
+    return np.asarray(np.where(np.abs(basis) > SAME, basis, 0.0))
 
 
 def _balances(along: Array, traces: ContactTraces, moves: Array, resisted: Array, works: Array, size: float) -> bool:
@@ -124,4 +124,4 @@ def _balances(along: Array, traces: ContactTraces, moves: Array, resisted: Array
     with np.errstate(invalid="ignore"):
         most = np.where(sizes > 0.0, resisted[:, :, None] * sizes, 0.0).max(axis=1)
     friction = traces.weights.sum(axis=1) @ most
-    return bool((np.abs(works @ tried) <= friction + ALIKE * size * np.linalg.norm(tried, axis=0)).all())
+    return bool((np.abs(works @ tried) <= friction + SAME * size * np.linalg.norm(tried, axis=0)).all())

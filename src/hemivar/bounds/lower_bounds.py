@@ -52,6 +52,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.arguments import whole_number
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.bare_body import (
     PART,
@@ -88,8 +89,6 @@ _DENSE, _DIRECT = 2500, 600
 _DEPENDENT = 1e-10
 #: Part of a trace that is rounding where supports hold it.
 _HELD = 1e-11
-#: Squares that are rounding, in units of the largest value.
-_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -309,7 +308,7 @@ def _answers(T: Array, P: Array, R: Array, R2: Array, values: Array, kappa: floa
     off = T - P * values - (P * values).T + np.diag(values**2)
     stress, trace = (max(float(np.trace(part)), 0.0) for part in (off, R2))
     top = float(values[0])  # where both are rounding, neither may be divided by the other
-    theta = np.sqrt((stress + _ROUNDING * top**2) / (trace + _ROUNDING * top))
+    theta = np.sqrt((stress + ROUNDED * top**2) / (trace + ROUNDED * top))
     return np.asarray(T + R * values + (R * values).T + kappa**2 * R2 + kappa * (theta * R2 + off / theta))
 
 

@@ -19,9 +19,9 @@ from itertools import permutations
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable
-from hemivar.bounds.roundings import ALIKE
 from hemivar.bounds.split_element import pulled_back
 
 __all__ = [
@@ -274,4 +274,4 @@ def room(table: FacetTable, facets: IntArray, walls: IntArray, kinds: tuple[int,
 
 def tolerance(points: Array) -> float:
     """A length up to which solids of a mesh overlap by rounding."""
-    return ALIKE * float(np.ptp(points, axis=0).max())
+    return SAME * float(np.ptp(points, axis=0).max())

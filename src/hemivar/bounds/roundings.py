@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-__all__ = ["ALIKE", "CELLS", "CONSTANT", "FREE", "KINK"]
+__all__ = ["CELLS", "CONSTANT", "FREE", "KINK"]
 
 #: Cells whose numbers are held at a time: with 60 numbers a cell, the most, they are two MB and fit a cache.
 CELLS = 1 << 12
-#: Part of a size by which numbers that come from coordinates may differ and be one. A body 300 of its sizes away from
-#: the origin has cells whose edges are off by 1e-12 (``test_compiled_patches_congruence``): a thousand times that.
-ALIKE = 1e-9
 #: Part of a modulus by which it may vary and count as constant: some 500 roundings. A tensor that is turned is a sum
 #: of 81 products of five.
 CONSTANT = 1e-13

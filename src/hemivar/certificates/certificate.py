@@ -11,7 +11,7 @@ from typing import Never, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from hemivar.basics.arguments import expect, expecting, number
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import SOLVED, real_array
 from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.defined_above import above
 from hemivar.basics.known_keywords import known_keywords
@@ -43,9 +43,6 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["ESTIMATE", "Certificate", "certified", "certify"]
 
 _Part = TypeVar("_Part")
-
-#: What rounding may put a nodal displacement off its supports by, of the largest displacement.
-_OFF_SUPPORT = 1e-9
 
 
 @runtime_checkable
@@ -219,7 +216,7 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
         return u
     unknowns = field.restrict(u)
     off = np.abs(field.full(unknowns) - u).max(axis=1)
-    misses = off > _OFF_SUPPORT * np.abs(u).max()
+    misses = off > SOLVED * np.abs(u).max()
     if misses.any():
         node = int(off.argmax())
         place = ", ".join(f"{x + 0.0:.6g}" for x in field.nodes[node])

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import real_array, unmasked
+from hemivar.basics.arrays import SAME, real_array, unmasked
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
@@ -18,8 +18,6 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Location", "located", "numbered_field"]
 
-#: Distance, relative to the size of the body, at which two points are one; and deviation of a unit vector from one.
-_CLOSE = 1e-9
 _UNIT = 1e-6
 
 
@@ -96,7 +94,7 @@ def _nodes(field: Field, trace: sp.csr_array, points: Array | None, m: int) -> t
     """The node of each contact point, -1 where there is none, and its local components (m, d, d) as the trace says."""
     dim = field.mesh.dim
     seen = sp.csr_array(trace @ field.lift).tocoo()
-    real = np.abs(seen.data) > _CLOSE
+    real = np.abs(seen.data) > SAME
     point, column, data = seen.row[real], seen.col[real], seen.data[real]
     low, high = np.full(m, field.number_of_nodes), np.full(m, -1)
     np.minimum.at(low, point // dim, column // dim)
@@ -107,7 +105,7 @@ def _nodes(field: Field, trace: sp.csr_array, points: Array | None, m: int) -> t
         apart = np.linalg.norm(field.nodes[None] - points[unseen, None], axis=2)
         nearest = apart.argmin(axis=1)
         size = float(np.ptp(field.nodes, axis=0).max())
-        node[unseen] = np.where(apart.min(axis=1) <= _CLOSE * size, nearest, -1)
+        node[unseen] = np.where(apart.min(axis=1) <= SAME * size, nearest, -1)
     rows = np.zeros((m, dim, dim))
     rows[point // dim, point % dim, column % dim] = data
     return node, rows
@@ -137,7 +135,7 @@ def _frames(field: Field, rows: Array, node: IntArray, rules: list[BoundaryRule]
     """Unit vectors of the local components, (m, d, d), normal first: rows of the trace, completed where they vanish."""
     dim = field.mesh.dim
     size = np.linalg.norm(rows, axis=2)
-    missing = size < _CLOSE
+    missing = size < SAME
     if (np.abs(size[~missing] - 1.0) > _UNIT).any() or not _orthogonal(rows):
         raise ProblemError(
             "the rows of the trace are not orthogonal unit vectors at the nodes of the contact points; give frames, "

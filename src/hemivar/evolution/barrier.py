@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED, SOLVED
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution.discrete import EXACT, SOLVED
 from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.solvers import Solution
@@ -32,7 +32,7 @@ _NONE = 1e-14
 def path_bends_downwards(problem: DiscreteProblem, solution: Solution, start: Array | None = None) -> bool:
     """Whether the energy bends downwards on the way to a solution, beyond rounding; see :func:`along`."""
     bends, size = along(problem, solution, start)
-    return bool((bends < -EXACT * size).any())
+    return bool((bends < -ROUNDED * size).any())
 
 
 def along(problem: DiscreteProblem, solution: Solution, start: Array | None = None) -> tuple[Array, float]:
@@ -56,7 +56,7 @@ def bends_downwards(
 ) -> bool:
     """Whether an energy bends downwards between local displacements (m, c); see :func:`second_derivatives`."""
     bends, size = second_derivatives(law, weights, start, end, body, vectors)
-    return bool((bends < -EXACT * size).any())
+    return bool((bends < -ROUNDED * size).any())
 
 
 def second_derivatives(

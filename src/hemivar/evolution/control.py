@@ -28,11 +28,10 @@ from typing import Self
 import numpy as np
 
 from hemivar.basics.arguments import described, quoted
-from hemivar.basics.arrays import norm
+from hemivar.basics.arrays import ROUNDED, SOLVED, norm
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import SOLVED
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.schemes import ImplicitEuler, Scheme
@@ -53,8 +52,8 @@ __all__ = ["DISSIPATION", "Control", "ControlledStepper", "control_of", "refuse_
 DISSIPATION = "dissipation"
 #: Newton's equations of a step at most.
 _ROUNDS = 15
-#: Change of a displacement, as a part of its size, at which it stands; what it may still be where it falls no more.
-_STANDS, _STILL = 1e-12, 1e-7
+#: Change of a displacement, as a part of its size, that may be left where it falls no more.
+_STILL = 1e-7
 #: Part of a step by which what is given may be missed where it stands.
 _MET = 1e-6
 #: Weight of the law of a component that a support holds.
@@ -267,7 +266,7 @@ class _FrozenStep:
             # As far as the place moves, in displacements; what is rounding falls no more.
             far, moved = max(before, _largest(p / a), _largest((p + step) / a)), _largest(step / a)
             moved /= far or 1.0
-            stands = abs(missed) <= _MET and (moved <= _STANDS or (moved <= _STILL and moved >= 0.5 * last))
+            stands = abs(missed) <= _MET and (moved <= ROUNDED or (moved <= _STILL and moved >= 0.5 * last))
             p, factor, last = p + step, factor + more, moved
         return None
 

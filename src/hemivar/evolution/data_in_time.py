@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, fields, is_dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.last_used import Recent
 from hemivar.basics.types import Array
-from hemivar.evolution.discrete import EXACT, KEPT, DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import KEPT, DiscreteEvolution, ExternalData
 from hemivar.formula import Formula
 
 __all__ = ["ChangedData", "DataInTime", "StatedData", "kinks_in_time"]
@@ -47,7 +48,7 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
             )
     kept: list[float] = []
     for time in sorted(kinks):
-        if not kept or time - kept[-1] > EXACT * max(abs(start), abs(until)):
+        if not kept or time - kept[-1] > ROUNDED * max(abs(start), abs(until)):
             kept.append(time)
     return tuple(kept), tuple(doubts)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.potential import Potential
@@ -52,8 +53,6 @@ _ROUNDING = 1e-13
 TIGHT = 1e-3
 #: Part of penetrations and slips by which a step of a jump that crawls goes on at most.
 _ONWARD = 0.01
-#: Part of the largest motion below which a point at a kink of its law rests there.
-_RESTS = 1e-9
 #: Sizes of the body from its place at which nothing holds one that still falls.
 AWAY = 100.0
 
@@ -263,7 +262,7 @@ def _further(problem: DiscreteProblem, u: Array, increment: Array) -> tuple[Call
     at_kink = ~problem.law.linearise(r).smooth
     at_kink = np.column_stack([at_kink[:, :1], np.repeat(at_kink[:, 1:], slip.shape[1] - 1, axis=1)])
     moves = float(np.abs(slip[at_kink]).max(initial=0.0))
-    if not size > 0.0 or vectors.largest(moves)[0] > _RESTS * size:
+    if not size > 0.0 or vectors.largest(moves)[0] > SOLVED * size:
         return None
     slip = np.where(at_kink, 0.0, slip)
     linear = not isinstance(bulk, Potential)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
@@ -40,9 +41,7 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
 __all__ = [
-    "EXACT",
     "KEPT",
-    "SOLVED",
     "DiscreteEvolution",
     "DiscreteHeat",
     "ExternalData",
@@ -54,10 +53,6 @@ __all__ = [
 
 #: Matrices, operators and loads of different steps that are kept; what is forgotten is computed again, to the last bit.
 KEPT = 8
-#: Part of a size below which what was solved for or summed over a mesh tells nothing: the default tolerance of a solve.
-SOLVED = 1e-9
-#: Part of a size that is rounding of stated numbers and of what few operations make of them, each exact to 1.1e-16.
-EXACT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +249,7 @@ class DiscreteEvolution(PickleMixin):
         sizes = np.asarray(np.linalg.eigvalsh(tensor), dtype=float)
         most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
         largest, small = self.vectors.largest(most, -least).tolist()
-        return bool(-small > EXACT * largest)
+        return bool(-small > ROUNDED * largest)
 
     @property
     def field(self) -> Field:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED, SOLVED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import EXACT, SOLVED, ExternalData
+from hemivar.evolution.discrete import ExternalData
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.stage import stiffness_force
@@ -257,7 +258,7 @@ def _pressed(
     lam, undetermined = _rubbed(stepper, state, law, _SLIPS * fast, AT_ONCE * step)
     # Where a support or another boundary has the component already, nothing is held.
     undetermined &= np.diff(stepper.discrete.problem.contact.trace.indptr).reshape(undetermined.shape) > 0
-    ends, near = acting.law.penetrations, EXACT * far
+    ends, near = acting.law.penetrations, ROUNDED * far
     down = (r[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
     up = (r[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
     holds, thrown = vectors.largest(float(undetermined.any()), float((down | up).any())).tolist()

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import SOLVED, DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.initial import AT_ONCE
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.stage import stiffness_force

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.deadline import OutOfTime, check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
@@ -16,7 +17,7 @@ from hemivar.evolution import findings
 from hemivar.evolution.control import Control, ControlledStepper
 from hemivar.evolution.data_in_time import kinks_in_time
 from hemivar.evolution.digest import identity
-from hemivar.evolution.discrete import EXACT, DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.findings import Finding
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.initial import apply_impulse, initial_state
@@ -121,7 +122,7 @@ class TimeLoop:
         span = plan.until - self.start
         self.stepping = plan.stepping(span)
         self.step_size = self.stepping.first(span)
-        least, step = EXACT * max(abs(self.start), abs(plan.until)), self.step_size.step
+        least, step = ROUNDED * max(abs(self.start), abs(plan.until)), self.step_size.step
         if step < least:
             raise ProblemError(
                 f"the step is {step:g}, too short for times up to {plan.until:g} to be distinguished; take at least "

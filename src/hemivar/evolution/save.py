@@ -11,11 +11,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect, name_of, number, whole_number
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import SOLVED, real_array
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import SOLVED, DiscreteEvolution
+from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.evolution.state import TimeState
 from hemivar.fem import Deformation, deformation

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hemivar.basics.arguments import expect, number
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
@@ -40,10 +41,6 @@ __all__ = [
     "Scheme",
     "StageRule",
 ]
-
-
-#: Rounding of factors of a scheme: some ten operations on numbers, each exact to 1.1e-16.
-ROUNDED = 1e-14
 
 
 @dataclass(frozen=True)

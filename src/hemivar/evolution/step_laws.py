@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import EXACT, DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.schemes import Scheme, StageRule
 from hemivar.evolution.state import TimeState
 from hemivar.laws import NoContact, Signorini, SlipMeasure, Superpotential, VectorLaw
@@ -222,7 +223,9 @@ def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> V
     ahead = 0.5 * step * local.velocity[:, 0]
     # What rests on the obstacle is as deep as the rounding of its place and its velocity says, and yet in contact.
     sizes = np.abs(before.body.displacement).max(initial=0.0), np.abs(ahead).max(initial=0.0)
-    shut = local.displacement[:, 0] + ahead >= -EXACT * (sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0))
+    shut = local.displacement[:, 0] + ahead >= -ROUNDED * (
+        sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0)
+    )
     pieces: list[tuple[Superpotential, IntArray]] = [
         (law.at(None), np.flatnonzero(points))
         for law, points in ((Signorini(), shut), (NoContact(), ~shut))

@@ -45,11 +45,12 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 from scipy.special import gammainc
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
-from hemivar.evolution.discrete import SOLVED, DiscreteEvolution
+from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper

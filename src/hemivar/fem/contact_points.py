@@ -9,14 +9,13 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from hemivar.basics.arrays import SAME
+from hemivar.basics.arrays import ROUNDED, SAME
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair, bulge
 from hemivar.fem.contact_basis import contact_weights, seen_gap, seen_values
-from hemivar.fem.elements import ROUNDED
 from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit

@@ -10,11 +10,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["ROUNDED", "barycentric_gradients", "scaled_gradients", "shape_derivatives", "shape_values"]
-
-#: Entries of shape functions, projections and changes of basis, which are of size one, that are rounding.  Each sums up
-#: a few dozen products.  Any value from 1e-14 to 1e-12 gives the same answers in tests/fem.
-ROUNDED = 1e-13
+__all__ = ["barycentric_gradients", "scaled_gradients", "shape_derivatives", "shape_values"]
 
 
 def barycentric_gradients(mesh: Mesh, cells: slice | IntArray = slice(None)) -> Array:

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.operator_family import Composition, OperatorFamily, Tangent
@@ -18,7 +19,6 @@ from hemivar.discrete.space import Field
 from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
-from hemivar.fem.elements import ROUNDED
 from hemivar.fem.stress_stiffness import Stressed, stressed_problem
 from hemivar.mesh.mesh import Mesh
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.contact_basis import contact_shapes, contact_weights, lagrange_moments
-from hemivar.fem.elements import ROUNDED, shape_values
+from hemivar.fem.elements import shape_values
 from hemivar.fem.pairing import COVERED, Pairing
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.supports import sum_by

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.elements import ROUNDED
 
 __all__ = ["JumpUnknowns", "jump_unknowns"]
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints, selects
@@ -21,7 +22,6 @@ from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
-from hemivar.fem.elements import ROUNDED
 from hemivar.fem.hierarchy import Coarser
 from hemivar.linear.algebraic import independent_nodes
 

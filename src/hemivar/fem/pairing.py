@@ -13,11 +13,10 @@ from functools import reduce
 
 import numpy as np
 
-from hemivar.basics.arrays import SAME
+from hemivar.basics.arrays import ROUNDED, SAME
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem.elements import ROUNDED
 from hemivar.fem.facet_tree import FacetTree
 from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.keys import facet_keys

@@ -8,12 +8,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arrays import SAME, real_array
+from hemivar.basics.arrays import ROUNDED, SAME, real_array
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
-from hemivar.fem.elements import ROUNDED, barycentric_gradients, shape_values
+from hemivar.fem.elements import barycentric_gradients, shape_values
 from hemivar.mesh.keys import PORTION
 from hemivar.mesh.mesh import Mesh
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray
 from hemivar.formula.enclosure import without_pole
 from hemivar.formula.graph import Graph
@@ -21,8 +22,6 @@ NARROW, NARROWEST = 1e-13, 1e-18
 #: Parts that are no farther from the end of a piece than so many of these widths touch it: any number from 1 to 16
 #: finds the same poles in tests/formula and tests/laws.
 _TOUCHES = 4.0
-#: Places nearer to zero than this part of the reach lie at zero: with 1e-12 tests/formula find the same poles.
-_ZERO = 1e-15
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def _pole(smooth: SmoothFormula, low: Array, high: Array, reach: float) -> Pole 
         inside = middle[small & (np.abs(middle[:, None] - corners).min(axis=1) > _TOUCHES * narrow)]
         if inside.size:
             nearest = float(inside[np.argmin(np.abs(inside))])
-            pole = Pole(nearest if abs(nearest) > _ZERO * reach else 0.0, True)
+            pole = Pole(nearest if abs(nearest) > ROUNDED * reach else 0.0, True)
         elif looked_at > MOST_PARTS or (np.abs(middle) > WIDE * reach).any():
             return pole or Pole(float(middle[0]), False)
         first, middle, last = first[~small], middle[~small], last[~small]

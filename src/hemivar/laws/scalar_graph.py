@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.minimisers import AT_ONCE
@@ -26,8 +27,6 @@ __all__ = [
     "straightness",
 ]
 
-#: Part of the largest force that is rounding: 4500 roundings.
-_ROUNDED = 1e-12
 #: Parts of a way at which a law is looked at.
 _SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
 
@@ -41,7 +40,7 @@ def is_continuous(law: Superpotential) -> bool:
     ends, (left, right) = law.domain, law.knot_slopes()
     if np.isfinite(ends.lower).any() or np.isfinite(ends.upper).any():
         return False
-    return not (np.abs(right - left) > _ROUNDED * np.maximum(np.abs(left), np.abs(right))).any()
+    return not (np.abs(right - left) > ROUNDED * np.maximum(np.abs(left), np.abs(right))).any()
 
 
 def part_of(law: Superpotential, r: Array) -> IntArray:
@@ -94,7 +93,7 @@ def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
         # A slope that is rounding of the law leads to no minimiser: r is next to one all the same.
         steep = np.maximum(np.where(go_right, -falling, 0.0), np.where(go_left, rising, 0.0))
         slopes = np.abs(np.concatenate([side.ravel() for side in law.knot_slopes()]))
-        noise = _ROUNDED * slopes.max(initial=0.0, where=np.isfinite(slopes))
+        noise = ROUNDED * slopes.max(initial=0.0, where=np.isfinite(slopes))
         far = np.where(valid, np.abs(points - r[..., None]), np.inf)
         near = np.take_along_axis(points, far.argmin(axis=-1)[..., None], axis=-1)[..., 0]
         target = np.where(~np.isfinite(target) & (steep <= noise) & np.isfinite(far.min(axis=-1)), near, target)

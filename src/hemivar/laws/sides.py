@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 
@@ -17,8 +18,8 @@ __all__ = ["Sides", "lengths", "most_resisted", "polar", "rest_forces", "sides_o
 
 #: A multiplier along a slip that is larger than any of a law in common units, and whose square is still a number.
 _LARGE = 1e30
-#: Least step beside a displacement, by its largest component and at all, so that its square is not zero.
-_BESIDE, _LEAST = 1e-12, 1e-150
+#: Least step beside a displacement, so that its square is not zero.
+_LEAST = 1e-150
 #: Part of a curvature by which it jumps: any value from 1e-6 to 1e-2 gives the same sides in tests/laws.
 _JUMPS = 1e-4
 #: Directions and places at which is looked how much resists.
@@ -48,7 +49,7 @@ def sides_of(law: VectorLaw, r: Array, lam: Array, active: BoolArray, tau: Array
     """:meth:`VectorLaw.sides` of a law that does not depend on the state: across a kink of the penetration, along every
     slip from rest, and in the principal directions of its second derivative where it is smooth."""
     c = r.shape[1]
-    step = np.maximum(slack * tau.max(axis=1), np.maximum(_BESIDE * np.abs(r).max(axis=1), _LEAST))[:, None]
+    step = np.maximum(slack * tau.max(axis=1), np.maximum(ROUNDED * np.abs(r).max(axis=1), _LEAST))[:, None]
     unit, line = np.eye(c), law.linearise(r)
     smooth = np.repeat(line.smooth, [1, c - 1], axis=1)
     beside = [[law.linearise(law.admissible(r + sign * step * along)) for sign in (-1.0, 1.0)] for along in unit]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError
@@ -17,9 +18,6 @@ from hemivar.laws.sides import Sides, lengths, most_resisted, polar, rest_forces
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "spread"]
-
-#: Part of a displacement that is rounding, four or five roundings; with 1e-12 tests/laws/coupled find the same.
-_SAME = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -447,7 +445,7 @@ class VectorLaw(PickleMixin, ABC):
         more = np.where(a > alphas, 0.0, 2.0 * alphas - a)
         for _ in range(400):
             last, r = r, self.local_argmin(a + more, b + spread(more, r.shape[1]) * r)
-            if (np.abs(r - last) <= _SAME * np.abs(r)).all() or not more.any():
+            if (np.abs(r - last) <= ROUNDED * np.abs(r)).all() or not more.any():
                 break
         return r
 

@@ -12,14 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array
 from hemivar.kernels import kernels
 from hemivar.linear.vectors import WHOLE, Vectors
 
 __all__ = ["Descent", "Matrix", "conjugate_gradients", "minimal_residuals"]
 
-#: Part of the curvature of the diagonal that is none: sums of some thousand products round to that.
-_FLAT = 1e-12
 #: Entries from which compiled sums are worth their call.
 _LONG = 4096
 #: By how much a residual is larger than what is enough, if the next one is still larger; how often that may be trusted.
@@ -95,7 +94,7 @@ def conjugate_gradients(
             curvature, stiff = vectors.total(float(p @ q), float(np.vdot(p, diagonal * p))).tolist()
         else:
             curvature, stiff = compiled.curvature(p, q, diagonal)
-        if curvature <= _FLAT * stiff:
+        if curvature <= ROUNDED * stiff:
             return Descent(x, r, iteration, p if vectors.total(float(b @ p))[0] >= 0.0 else -p)
         length = rz / curvature
         if compiled is None:
@@ -155,7 +154,7 @@ def minimal_residuals(
         R[: k + 1, k] = *turned[:k], math.hypot(turned[k], below)
         rest[k:] = turns[k][0] * rest[k], -turns[k][1] * rest[k]
         late = 0.0 if due is None else float(vectors.largest(due())[0])
-        if abs(rest[k + 1]) <= tolerance or late or not below > _FLAT * largest:
+        if abs(rest[k + 1]) <= tolerance or late or not below > ROUNDED * largest:
             break
         if k + 1 == len(basis):
             basis = np.concatenate([basis, np.empty_like(basis)])

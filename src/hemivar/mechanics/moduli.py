@@ -10,7 +10,7 @@ from typing import TypedDict, cast
 import numpy as np
 
 from hemivar.basics.arguments import described, quoted
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import ROUNDED, real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
@@ -35,9 +35,6 @@ Number = float | Callable[[Array], object]
 
 #: Two constants of Lame's, a matrix (v, v), or a function of points that returns matrices.
 Viscosity = Sequence[Number] | Sequence[Sequence[float]] | Array | Callable[[Array], object]
-
-#: Part of its largest entry by which rounding may take a matrix below zero.
-_ROUNDING = 1e-12
 
 
 def lame_of(young: Array, poisson: Array) -> tuple[Array, Array]:
@@ -141,7 +138,7 @@ class Moduli(PickleMixin):
         require(second >= 0.0, points, second, two, "must not be negative", where)
         bulk = dim * first + 2 * second
         least = "-mu" if dim == 2 else "-2 mu / 3"
-        allowed = bulk >= -_ROUNDING * (np.abs(first) + second)
+        allowed = bulk >= -ROUNDED * (np.abs(first) + second)
         require(allowed, points, first, one, f"must be at least {least}", where)
         return first, second
 
@@ -154,11 +151,11 @@ class Moduli(PickleMixin):
                 f"the {self.name} matrix has entries{at(bad)} that are not finite, or beyond {LARGEST:.0e}; give "
                 "finite numbers, or take another unit of force"
             )
-        bad = np.abs(matrices - matrices.transpose(0, 2, 1)).max(axis=(1, 2)) > _ROUNDING * scale
+        bad = np.abs(matrices - matrices.transpose(0, 2, 1)).max(axis=(1, 2)) > ROUNDED * scale
         if bad.any():
             raise ProblemError(f"the {self.name} matrix is not symmetric{at(bad)}; pass (C + C') / 2")
         lowest = np.linalg.eigvalsh(matrices)[:, 0]
-        bad = lowest < -_ROUNDING * scale
+        bad = lowest < -ROUNDED * scale
         if bad.any():
             raise ProblemError(
                 f"the {self.name} matrix is not positive semidefinite{at(bad)} (lowest eigenvalue "

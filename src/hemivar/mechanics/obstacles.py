@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.arguments import quoted
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
@@ -27,7 +28,6 @@ from hemivar.mesh.mesh import Mesh
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
 
 _UNIT = 1e-15  # by how much the square of a unit vector's length may differ from 1
-_ON_SURFACE = 1e-12  # relative to the radius: closer points count as outside
 
 
 class Normals(StrEnum):
@@ -122,7 +122,7 @@ class Plane(Obstacle):
 
     def along(self, points: Array, directions: Array) -> Array:
         approach = -(directions @ np.asarray(self.normal))
-        meets = approach > _ON_SURFACE
+        meets = approach > ROUNDED
         return np.where(meets, self.distance(points) / np.where(meets, approach, 1.0), np.inf)
 
 
@@ -420,7 +420,7 @@ def _round_distance(arm: Array, radius: float, inside: bool) -> Array:
 
 def _round_normal(arm: Array, points: Array, radius: float, inside: bool, middle: str) -> Array:
     size = np.linalg.norm(arm, axis=1)
-    lost = size <= _ON_SURFACE * radius
+    lost = size <= ROUNDED * radius
     if lost.any():
         point = points[int(np.flatnonzero(lost)[0])].tolist()
         raise ProblemError(
@@ -435,10 +435,10 @@ def _round_along(arm: Array, directions: Array, radius: float, inside: bool) -> 
     a = np.einsum("kd,kd->k", directions, directions)
     b = np.einsum("kd,kd->k", arm, directions)
     c = np.einsum("kd,kd->k", arm, arm) - radius**2
-    within: BoolArray = c < (_ON_SURFACE if inside else -_ON_SURFACE) * radius**2
+    within: BoolArray = c < (ROUNDED if inside else -ROUNDED) * radius**2
     discriminant = b**2 - a * c
     # Outside a full sphere the line must approach it; outside a hollow one it must come from it.
-    meets = (a > _ON_SURFACE) & (discriminant >= 0.0) & (within | ((b > 0.0) if inside else (b < 0.0)))
+    meets = (a > ROUNDED) & (discriminant >= 0.0) & (within | ((b > 0.0) if inside else (b < 0.0)))
     root = np.sqrt(np.where(meets, discriminant, 1.0))
     # Vieta's form of the root that would be a difference of like numbers
     if inside:

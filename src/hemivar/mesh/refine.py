@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Refinement", "check_refines", "halved"]
 
-#: Part of the size of a mesh by which a node may be off, and of a facet or cell that may be left uncovered.
-_ROUNDING, _COVERED = 1e-12, 1e-6
+#: Part of a facet or cell that may be left uncovered.
+_COVERED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,7 @@ def check_refines(points: Array, cells: IntArray, parent: Refinement) -> None:
             f"coarser mesh, but this one has {len(points)} and {len(cells)} in {points.shape[1]}; give parent = None"
         )
     off = np.abs(points - coarse.points[parent.ends].mean(axis=1)).max(axis=1)
-    if (off > _ROUNDING * np.abs(points).max()).any():
+    if (off > ROUNDED * np.abs(points).max()).any():
         bad = int(np.argmax(off))
         raise ProblemError(
             f"node {bad} is not the midpoint of nodes {' and '.join(map(str, parent.ends[bad]))} of the parent mesh, "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import Sized
@@ -29,7 +30,6 @@ from hemivar.ranks.ranks import Ranks
 from hemivar.ranks.stiffness import Stiffness
 from hemivar.ranks.stored_on_ranks import StoredOnRanks
 from hemivar.systems.body import Body, Truncation
-from hemivar.systems.contact_system import PASSED
 from hemivar.systems.krylov_newton import KrylovNewton
 from hemivar.systems.newton_equation import NewtonEquation
 from hemivar.systems.nonlinear_body import Prepare
@@ -190,7 +190,7 @@ class BodyOnRanks(Body):
         stored = self.stored
         if stored is None:
             return super().energy(x, lam, force)
-        law, close = self.law_at(x, lam), PASSED * float(self.vectors.largest(self.magnitude(x))[0])
+        law, close = self.law_at(x, lam), ROUNDED * float(self.vectors.largest(self.magnitude(x))[0])
         own = stored.value(self.displacement(x)) - float((self.load + stored.initial_forces) @ x)
         own += contact_energy(law, self.weights, self.local(x), close)
         return float(self.vectors.total(own)[0]) - stored.initial_value + self.constant

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -16,7 +17,6 @@ from hemivar.laws import VectorLaw
 
 __all__ = [
     "KINDS",
-    "ROUNDING",
     "ContactStates",
     "Kind",
     "NormalState",
@@ -24,9 +24,6 @@ __all__ = [
     "contact_states",
     "state_words",
 ]
-
-#: What is rounding, of the largest displacement and multiplier.
-ROUNDING = 1e-9
 
 
 class NormalState(IntEnum):
@@ -192,7 +189,7 @@ def contact_states(
     """
     if sizes is None:
         sizes = float(np.abs(local).max(initial=0.0)), float(np.abs(multiplier).max(initial=0.0))
-    small, weak = ROUNDING * sizes[0], ROUNDING * sizes[1]
+    small, weak = SOLVED * sizes[0], SOLVED * sizes[1]
     penetration, pressure = local[:, 0], multiplier[:, 0]
     lifted, pulled = penetration < -small, pressure < -weak
     normal = np.full(len(local), _CONTACT, dtype=np.int64)

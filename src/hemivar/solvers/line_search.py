@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.laws.crossings import Crossings
@@ -29,8 +30,8 @@ _ROUNDED = 1e-15
 ARMIJO = 0.1
 #: What rounding makes of an energy over a step, relative to its parts.
 ENERGY_ROUNDING = 1e-14
-#: Part of a length by which one is beside a knot, and within which a knot is met.
-_BESIDE, _MET = 1e-10, 1e-12
+#: Part of a length by which one is beside a knot.
+_BESIDE = 1e-10
 #: The most looks that close a bottom in.
 _LOOKS = 100
 #: Part of the slope at the beginning that is none at a bottom.
@@ -173,11 +174,11 @@ class SearchLine:
         """Local displacements (m, d) after a step, whatever pieces they come to; those that meet a knot are on it."""
         r = np.where(self.system.active, self.at.r + length * self.along, self.system.fixed)
         if knots is not None:
-            met = np.abs(knots.length - length) <= _MET * length
+            met = np.abs(knots.length - length) <= ROUNDED * length
             r[knots.point[met], knots.component[met]] = knots.place[met]
             return r
         exits, ends = self._exits
-        return np.where(np.abs(exits - length) <= _MET * length, ends, r)
+        return np.where(np.abs(exits - length) <= ROUNDED * length, ends, r)
 
     def _slope_across(self, length: float) -> float:
         """Derivative of the energy along the line; inf outside of the domain of the laws."""
@@ -198,7 +199,7 @@ class SearchLine:
         """Derivative of the energy along the way on which points stop at the ends of their pieces."""
         system, r, along = self.system, self.cut(length), self.along
         extra = self._aside(length, r)
-        stopped = np.abs(extra) > _MET * (np.abs(r) + np.abs(length * along))
+        stopped = np.abs(extra) > ROUNDED * (np.abs(r) + np.abs(length * along))
         direction = np.where(stopped, 0.0, along)
         contact = self._pull(length) + system.couple(extra)
         law = system.weights @ np.einsum("mi,mi->m", system.law.linearise(r).gradient, direction)

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array
 from hemivar.discrete.contact_energy import contact_energy
 from hemivar.discrete.potential import Potential
@@ -21,7 +22,6 @@ from hemivar.solvers.line_search import ARMIJO, ENERGY_ROUNDING
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.contact_system import PASSED
 from hemivar.systems.nonlinear_body import LinearBody, NonlinearBody, NonlinearSystem, linear_bulk
 from hemivar.systems.workspace import Workspace
 
@@ -253,6 +253,6 @@ class _Line:
 
 def _contact(system: NonlinearSystem, x: Array) -> float:
     """What the law adds to the energy."""
-    close = PASSED * float(system.vectors.largest(system.magnitude(x))[0])
+    close = ROUNDED * float(system.vectors.largest(system.magnitude(x))[0])
     own = contact_energy(system.law_at(x), system.weights, system.local(x), close)
     return float(system.vectors.total(own)[0])

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.discrete.rigid_modes import admitted
 from hemivar.laws import VectorLaw
-from hemivar.solvers.contact_states import ROUNDING, TangentialState
+from hemivar.solvers.contact_states import TangentialState
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 
@@ -86,9 +87,9 @@ def _slides(problem: DiscreteProblem, solution: Solution) -> Iterator[_Slide]:
         return
     free, pressure = problem.model.free_motions, np.abs(solution.multiplier[:, 0])
     bears = np.linalg.norm(solution.multiplier, axis=1)
-    sticks = (solution.tangential_state == TangentialState.STICK) & (bears > ROUNDING * bears.max(initial=0.0))
+    sticks = (solution.tangential_state == TangentialState.STICK) & (bears > SOLVED * bears.max(initial=0.0))
     trace = (problem.contact.trace @ rigid.basis).toarray().reshape(*problem.contact.shape, rigid.count)
-    pressed = trace[pressure > ROUNDING * pressure.max(initial=0.0), 0]
+    pressed = trace[pressure > SOLVED * pressure.max(initial=0.0), 0]
     for group, columns in zip(free.groups, rigid.groups, strict=True):
         motions = rigid.basis[:, columns].toarray() @ admitted(pressed[:, columns])
         motion = motions @ (motions.T @ solution.unknowns)

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.basics.deadline import Budget
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.generators import result_of
@@ -41,8 +42,6 @@ _LITTLE = 1e-3
 _DEPTH = 4
 #: Springs in the place of contact that holds, in units of the largest diagonal stiffness.
 _HELD = 1e6
-#: Part of a random load that is left where multigrid is to meet every motion.
-_MET = 1e-9
 
 _Solving = Generator[Progress, bool | None, Solution]
 
@@ -102,7 +101,7 @@ class Ordinary:
         hierarchy = levels_of(plain, kept)
         levels, top = hierarchy.levels, hierarchy.first + len(hierarchy.steps)
         load = np.random.default_rng(13).standard_normal(problem.unknowns)
-        enough, cycle = _MET * float(np.linalg.norm(load)), levels.preconditioner(top)
+        enough, cycle = SOLVED * float(np.linalg.norm(load)), levels.preconditioner(top)
         stiffness, diagonal = problem.stiffness, problem.linear.diagonal
         descent = conjugate_gradients(stiffness, diagonal, load, cycle, enough, 200, flexible=cycle.flexible)
         return float(np.linalg.norm(descent.residual)) <= enough

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import contact_unknowns, selects
@@ -38,7 +39,7 @@ from hemivar.linear.products import product
 from hemivar.linear.truncated_level import Coupling
 from hemivar.linear.vectors import WHOLE
 from hemivar.systems.body import Body, Truncation
-from hemivar.systems.condensed import ROUNDED, CondensedProblem
+from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.free_unknowns import free_unknowns, refuse_unseen
 from hemivar.systems.krylov_newton import KrylovNewton
@@ -369,7 +370,7 @@ class BodyProblem(Body):
         modes /= np.abs(modes).max(axis=0)
         local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
         size = float(np.abs(problem.load) @ np.abs(modes).max(axis=1))
-        return [growth_along(self.law, local, self.weights, modes.T @ problem.load, size, ROUNDED)]
+        return [growth_along(self.law, local, self.weights, modes.T @ problem.load, size, SOLVED)]
 
 
 class _TruncatedBody:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import SOLVED, real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -34,8 +34,6 @@ __all__ = ["CondensedProblem", "condense"]
 _FAR = 1e4
 #: Part of a gap by which local displacements may differ by rounding.
 _SAME = 4.0 * float(np.finfo(float).eps)
-#: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
-ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +163,7 @@ class CondensedProblem(OfProblem, PickleMixin):
         moved = np.stack([self._recovery.linear(r) for r in local.transpose(2, 0, 1)], axis=1)
         load = self.problem.load
         size = float(np.abs(load) @ np.abs(moved).max(axis=1))
-        return [growth_along(self.law, local, self.weights, moved.T @ load, size, ROUNDED)]
+        return [growth_along(self.law, local, self.weights, moved.T @ load, size, SOLVED)]
 
     @cached_property
     def length_scale(self) -> float:

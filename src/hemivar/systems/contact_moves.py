@@ -8,6 +8,7 @@ from enum import Enum
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import ContactLaw
 from hemivar.linear.vectors import Vectors
@@ -27,8 +28,6 @@ __all__ = [
 #: How often the diagonal body is made stiffer, and by how much, before a step is given up: the largest stiffness is 17
 #: times the first.
 _ATTEMPTS, _STIFFER = 8, 1.5
-#: Part of the largest local displacement by which a component may miss a kink.
-_MISSED = 1e-11
 
 
 class Search(Enum):
@@ -176,5 +175,5 @@ def moving_curvature(body: ContactSystem, curvature: Array, moving: BoolArray) -
 
 def snap_to_kinks(body: ContactSystem, r: Array) -> Array:
     """``r`` with the components that miss a kink by rounding put on it."""
-    near = _MISSED * float(body.vectors.largest(np.abs(r).max(initial=0.0))[0])
+    near = ROUNDED * float(body.vectors.largest(np.abs(r).max(initial=0.0))[0])
     return np.where(body.active, body.law.snap_to_kinks(r, near), body.fixed)

@@ -10,6 +10,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact_energy import contact_energy, law_forces
 from hemivar.discrete.problem import DiscreteProblem
@@ -18,10 +19,7 @@ from hemivar.laws import VectorLaw
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["PASSED", "ContactSystem", "Equilibrium", "OfProblem", "OfUnknowns", "PointSystem"]
-
-#: Part of the largest displacement or gap by which a penetration may pass the end of a law: rounding.
-PASSED = 1e-12
+__all__ = ["ContactSystem", "Equilibrium", "OfProblem", "OfUnknowns", "PointSystem"]
 
 
 class PointSystem(Protocol):
@@ -189,7 +187,7 @@ class Equilibrium:
         default what is in equilibrium; ``force`` of the shape of x.
         """
         force = self.out_of_balance(x) if force is None else force
-        close = PASSED * float(self.vectors.largest(self.magnitude(x))[0])
+        close = ROUNDED * float(self.vectors.largest(self.magnitude(x))[0])
         law = self.law_at(x, _balancing(self, force) if lam is None else lam)
         elastic = -0.5 * float(x.ravel() @ (self.load + force.ravel()))
         own = contact_energy(law, self.weights, self.local(x), close)

@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from hemivar.basics.arrays import SOLVED
 from hemivar.basics.types import Array
 from hemivar.linear.krylov import conjugate_gradients, minimal_residuals
 from hemivar.systems.body import Body, Truncation
@@ -19,8 +20,6 @@ __all__ = ["KrylovNewton"]
 #: How large a residual, by the distance to the contact conditions, conjugate gradients leave when they end early; half
 #: and twice that cost the same cycles to 3 % on small bodies.
 _PATIENCE = 1.5
-#: Part of a move from which it counts as cut back to a piece, and not as rounded.
-_CUT = 1e-9
 #: Most iterations of minimal residuals, which keep two vectors of each.
 _VECTORS = 40
 
@@ -123,6 +122,6 @@ class _Enough:
         lam = body.spread(at.force[body.unknown] - pulled) / weights
         off = np.where(body.active, lam - body.law.nearest_multiplier(at.r, lam), 0.0)
         bend = body.law.linearise(aim).gradient - at.multiplier - np.einsum("mij,mj->mi", at.blocks, increment)
-        bend[np.abs(beyond) > _CUT * np.abs(increment)] = 0.0  # at the end of its piece a law has no gradient
+        bend[np.abs(beyond) > SOLVED * np.abs(increment)] = 0.0  # at the end of its piece a law has no gradient
         missed = np.hypot(body.stiffness * beyond, weights * np.where(at.moving, bend, off))
         return np.asarray(_PATIENCE * self.share * missed).ravel()

@@ -12,14 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["SearchedPotential", "descend"]
 
 #: Part of the predicted fall that a step must reach, and roundings in an energy.
 _ARMIJO, _ROUNDING = 1e-4, 64.0 * float(np.finfo(float).eps)
-#: Least curvature, as a part of the largest: any value from 1e-15 to 1e-8 gives the same answers in tests/laws/coupled.
-_FLAT = 1e-12
 
 
 class SearchedPotential(Protocol):
@@ -77,9 +76,9 @@ class _Problems:
             matrix[:, 0, 1] = matrix[:, 1, 0] = np.where(fixed.any(axis=1), 0.0, rs)
         matrix = np.where(np.isfinite(matrix), matrix, 0.0)
         # scaled to the diagonal, so that units of neither variable matter
-        size = np.sqrt(np.maximum(np.abs(np.einsum("kii->ki", matrix)), _FLAT * np.abs(self.a) + 1e-300))
+        size = np.sqrt(np.maximum(np.abs(np.einsum("kii->ki", matrix)), ROUNDED * np.abs(self.a) + 1e-300))
         values, vectors = np.linalg.eigh(matrix / (size[:, :, None] * size[:, None, :]))
-        values = np.maximum(np.abs(values), _FLAT * np.abs(values).max(axis=1, keepdims=True) + 1e-300)
+        values = np.maximum(np.abs(values), ROUNDED * np.abs(values).max(axis=1, keepdims=True) + 1e-300)
         along = np.einsum("kij,ki->kj", vectors, g / size) / values
         return np.where(fixed, 0.0, -np.einsum("kij,kj->ki", vectors, along) / size)
 

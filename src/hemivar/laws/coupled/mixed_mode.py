@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
@@ -31,8 +32,6 @@ __all__ = ["MixedMode", "stated_compression"]
 
 #: Parts of the way from rest to the break at which the tractions are looked at.
 _WAYS = np.linspace(0.0, 1.0, 201)
-#: Part of an effective opening that is rounding: any value from 1e-12 to 1e-9 gives the same answers in tests/laws.
-_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +310,7 @@ class MixedMode(Glue):
         secant = np.broadcast_to(self.secant_stiffness(opening), (rows,))[:, None]
         knots, tractions = (np.broadcast_to(part, (rows, knots.shape[1])) for part in (knots, self._tractions))
         slopes = np.broadcast_to(slopes, (rows, slopes.shape[1]))
-        same = np.abs(knots - far) <= _ROUNDING * far
+        same = np.abs(knots - far) <= ROUNDED * far
         own = same.any(axis=1, keepdims=True)  # a knot where there is one already would have no piece
         far = np.where(own, np.max(np.where(same, knots, 0.0), axis=1, keepdims=True), far)
         more = np.where(own, 0.5 * knots[:, :1], far)

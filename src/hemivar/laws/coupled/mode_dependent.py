@@ -9,6 +9,7 @@ from typing import ClassVar, NoReturn, Self
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.stated import stating
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
@@ -28,8 +29,6 @@ __all__ = ["KeptModeGlue", "ModeDependentGlue"]
 
 #: Modes at which constants are looked for.
 _MODES = np.linspace(0.0, 1.0, 2001)
-#: Part of an effective opening that is rounding: any value from 1e-12 to 1e-9 gives the same answers in tests/laws.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,7 +313,7 @@ class ModeDependentGlue(Glue):
         rho, last = self.effective(r), np.full(len(r), -1.0) if known is None else known["mode"]
         mode = np.where(last >= 0.0, last, self.mode(r))
         glue = self._frozen(mode)
-        began = (last >= 0.0) | (rho > glue.opening_at_peak * (1.0 + _ROUNDING))
+        began = (last >= 0.0) | (rho > glue.opening_at_peak * (1.0 + ROUNDED))
         opening = np.minimum(rho if known is None else np.maximum(rho, known["opening"]), glue.opening_at_break)
         stiffness = np.where(began, glue.secant_stiffness(opening), self._own["stiffness"])
         return {"opening": opening, "stiffness": stiffness, "mode": np.where(began, mode, -1.0)}
