@@ -17,16 +17,22 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["ROUNDED", "SAME", "SOLVED", "norm", "real_array", "real_matrix", "unmasked"]
+__all__ = ["COUNTS", "LARGEST", "ROUNDED", "SAME", "SOLVED", "norm", "real_array", "real_matrix", "unmasked"]
 
 #: Part of the largest of their kind by which two numbers (coordinates, loads, prescribed values) may differ and be the
 #: same: far above rounding (1e-16), far below what anybody means.
 SAME = 1e-9
 #: Part of the largest of what a solve leaves that tells nothing: the default tolerance of one.
 SOLVED = 1e-9
+#: Part of the largest from which something counts that follows from what was solved for: a thousand times what a solve
+#: leaves, as much as the bodies of the tests, of shape and stiffness as they are met, may make of it.
+COUNTS = 1e-6
 #: Part of the largest of what is summed up that is rounding: 4500 times that of one number, which a sum of as many
 #: products may reach, and products of a few matrices on a mesh stay below.
 ROUNDED = 1e-12
+#: Lengths, times, entries and material constants are smaller than this, and larger than its inverse, so that their
+#: products by three are numbers.
+LARGEST = 1e100
 #: Squares of norms between which no square of an entry that counts over- or underflows.
 _TINY, _HUGE = 1e-240, 1e240
 #: What NumPy's kinds of entries that are no numbers are called.

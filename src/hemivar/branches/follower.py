@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.optimize import brentq
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.deadline import Budget, OutOfTime, check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
@@ -17,7 +18,7 @@ from hemivar.basics.last_used import Recent
 from hemivar.basics.types import AnyArray, Array, BoolArray
 from hemivar.branches.path import PathEnd
 from hemivar.systems.chain import Chain
-from hemivar.systems.curves import CORRECTION, ROUNDING, Curves
+from hemivar.systems.curves import ROUNDING, Curves
 
 __all__ = ["Follower", "Following", "PathEvent", "PathProgress", "Track", "trace"]
 
@@ -467,7 +468,7 @@ class Follower:
             theta, t = theta + change[:-1], float(t + change[-1] / self.load_unit)
             size = float(np.abs(change).max()) / max(self.chain.length, float(np.abs(theta).max()))
             # Corrections that no longer shrink are the rounding of the law.
-            if size <= (CORRECTION if exact else 1e-14) or (size <= 1e-9 and size >= 0.5 * last):
+            if size <= (COUNTS if exact else 1e-14) or (size <= 1e-9 and size >= 0.5 * last):
                 return theta, t, step
             last = size
         return None

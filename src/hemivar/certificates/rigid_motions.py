@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certificates.bound import Point
 from hemivar.certificates.linear_bodies import below
@@ -29,8 +30,6 @@ from hemivar.systems.free_unknowns import free_unknowns
 
 __all__ = ["motion_left"]
 
-#: A multiplier this near to the end of its interval, over the largest, and a place this near to a knot, may be there.
-_NEAR = 1e-6
 #: The same in tolerances of the pair.
 _SAFE = 10.0
 #: Curvature of a law that bars the way, over the stiffness that the body has at the contact point.
@@ -54,7 +53,7 @@ def motion_left(point: Point, tolerance: float) -> str | None:
         return None
     m, d = problem.contact_points, problem.contact.components
     local = np.asarray(problem.contact.trace @ free).reshape(m, d, free.shape[1])
-    near = max(_NEAR, _SAFE * tolerance)
+    near = max(COUNTS, _SAFE * tolerance)
     slack = max(near, geometric_slack(problem.contact.points, problem.contact.weights))
     barred = _barred(point, near) if m else []
     for group in problem.model.free_motions.groups:

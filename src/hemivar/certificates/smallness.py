@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expecting
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.deadline import check_time
 from hemivar.basics.defined_above import defined_above
 from hemivar.basics.types import Array
@@ -37,8 +38,6 @@ from hemivar.systems.workspace import Workspace
 #: A reach without limits for penetration and slip, and reaches that are tried, in largest displacements.
 _EVERYWHERE = (np.inf, np.inf)
 _REACHES = (10.0, 2.0, 1.25)
-#: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
-_NEAR = 1e-6
 #: The energy of this material is the square of the norm of V.
 _NORM = Material.lame(0.0, 0.5)
 _RING_NORM = Material.lame(0.0, 0.5, plane="axisymmetric")
@@ -309,7 +308,7 @@ def largest_bounds(
         return np.full(m, np.inf)
     r = problem.local(point.u)
     here = friction_bound(problem, r, point.lam)
-    near = here * (1.0 + _NEAR) + rate * _NEAR * float(np.abs(r).max(initial=0.0))
+    near = here * (1.0 + COUNTS) + rate * COUNTS * float(np.abs(r).max(initial=0.0))
     margin = _constants(problem, energy, near, reach).margin
     if not margin > 0.0:
         return np.full(m, np.inf)

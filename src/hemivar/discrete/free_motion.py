@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.types import Array
 from hemivar.discrete.held_at_rest import AT_LIMIT, BY_FRICTION, IDLE, NO_MINIMUM, growths, holds
 from hemivar.discrete.recession import Coercivity, CoercivityResult, RecessionFunction, rests
@@ -63,8 +64,6 @@ def free_growth(problem: DiscreteProblem, motions: RigidModes) -> list[Recession
 
 
 _REMEDY = "add a support or a law that constrains it"
-#: Motions this small, of the largest of all parts, are none; and components of one that are not named.
-_STILL, _UNSAID = 1e-6, 1e-3
 
 
 def refuse(hold: CoercivityResult, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
@@ -94,7 +93,7 @@ def describe(coefficients: Array) -> str:
         return "(adding a constant)"
     dim = 2 if len(coefficients) == 3 else 3
     names = rigid_basis(np.eye(dim), (np.zeros(dim), np.ones(dim)))[1]
-    coefficients = np.where(np.abs(coefficients) < _UNSAID * np.abs(coefficients).max(), 0.0, coefficients)
+    coefficients = np.where(np.abs(coefficients) < 1e-3 * np.abs(coefficients).max(), 0.0, coefficients)
     words = []
     if np.any(coefficients[:dim]):
         words.append(f"translation {_vector(coefficients[:dim])}")
@@ -113,7 +112,7 @@ def _refusal(problem: DiscreteProblem, motions: RigidModes, group: Mechanism, ho
         size = float(np.abs(moved).max())
         fastest = int(np.argmax(np.linalg.norm(moved, axis=1)))
         part, motion = int(group.parts[fastest]), describe(moved[fastest] / size)
-        along = [int(k) for k in group.parts[np.abs(moved).max(axis=1) > _STILL * size] if k != part]
+        along = [int(k) for k in group.parts[np.abs(moved).max(axis=1) > COUNTS * size] if k != part]
         hold = replace(hold, growth=hold.growth / size)
     who, remedy = _words(field, motions, group, part, along)
     remedy += "".join(f"; {advice}" for advice in open_glue(problem))

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.types import Array
 from hemivar.discrete.recession import (
     SLACK,
@@ -71,9 +72,6 @@ AT_LIMIT = (
     "at the limit of friction that grows with the pressure: whether forces within its cone balance the load was not "
     "decided before the solve"
 )
-#: Part of the load against which a foundation must hold a body at rest, and of the friction within which what it
-#: balances is not decided.
-_SMALL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +132,7 @@ class _Group:
         """The most that the laws resist on the way from rest, less the work of a part of the load."""
         up, down, slip = (self.weights * most for most in self.law.strongest(self.rest, self.size))
         rubbed = self.law.rubbed(self.local[:, 1:], self.size) if friction else None
-        return hinges(self.local, up, down, slip, _SMALL * self.work, _SMALL * self.load, self.slack, rubbed)
+        return hinges(self.local, up, down, slip, COUNTS * self.work, COUNTS * self.load, self.slack, rubbed)
 
     @property
     def softens(self) -> bool:
@@ -161,8 +159,8 @@ class _Group:
             at_rest = decide(self.resistance(friction=True))
             if at_rest.verdict is Coercivity.HELD:
                 return Hold(result, touched, limit, balanced=True)
-            by_friction = replace(at_rest, growth=at_rest.growth / _SMALL)
-        if _holds(replace(rubs, friction=rubs.friction.widened(_SMALL))):
+            by_friction = replace(at_rest, growth=at_rest.growth / COUNTS)
+        if _holds(replace(rubs, friction=rubs.friction.widened(COUNTS))):
             return Hold(result, touched, balanced=False)
         return Hold(result if by_friction.direction is None else by_friction, touched)
 

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
+from hemivar.basics.arrays import SAME
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.discrete.bulk import Bulk, Quadratic
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MadeOf", "Model", "quadratic"]
 
-#: Motions that a stiffness resists by more than this, relative to its diagonal, are not in its kernel.
-_RESISTED = 1e-9
 _ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
 
 
@@ -116,7 +115,7 @@ class Model(PickleMixin):
         unknowns = sp.csr_array(field.lift @ self.free_motions.motions)
         force = abs(bulk.stiffness @ unknowns).tocsr()
         force.data /= np.repeat(bulk.diagonal, np.diff(force.indptr))
-        return unknowns if float(force.data.max(initial=0.0)) <= _RESISTED else None
+        return unknowns if float(force.data.max(initial=0.0)) <= SAME else None
 
     @cached_property
     def rigid_part(self) -> RigidPart:

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import SAME, real_array, unmasked
+from hemivar.basics.arrays import COUNTS, SAME, real_array, unmasked
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
@@ -17,8 +17,6 @@ from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Location", "located", "numbered_field"]
-
-_UNIT = 1e-6
 
 
 class Location(TypedDict, total=False):
@@ -136,7 +134,7 @@ def _frames(field: Field, rows: Array, node: IntArray, rules: list[BoundaryRule]
     dim = field.mesh.dim
     size = np.linalg.norm(rows, axis=2)
     missing = size < SAME
-    if (np.abs(size[~missing] - 1.0) > _UNIT).any() or not _orthogonal(rows):
+    if (np.abs(size[~missing] - 1.0) > COUNTS).any() or not _orthogonal(rows):
         raise ProblemError(
             "the rows of the trace are not orthogonal unit vectors at the nodes of the contact points; give frames, "
             "(m, d, d), normal first"
@@ -159,7 +157,7 @@ def _frames(field: Field, rows: Array, node: IntArray, rules: list[BoundaryRule]
 def _orthogonal(rows: Array) -> bool:
     """Whether different rows of each point are orthogonal."""
     product = np.einsum("kij,klj->kil", rows, rows)
-    return bool(np.abs(product - product * np.eye(rows.shape[1])).max(initial=0.0) <= _UNIT)
+    return bool(np.abs(product - product * np.eye(rows.shape[1])).max(initial=0.0) <= COUNTS)
 
 
 def _normals(field: Field, node: IntArray, rules: list[BoundaryRule]) -> Array:

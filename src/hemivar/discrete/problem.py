@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.arrays import LARGEST, real_array, real_matrix
 from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.portable import PickleMixin
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DiscreteProblem", "pushes"]
 
-#: Entries of a trace must be below: its products with itself are taken.
-_LARGEST = 1e100
 #: Part of the largest coordinate or gap below which a gap is rounding.
 _ROUNDED = 64.0 * float(np.finfo(float).eps)
 
@@ -162,8 +160,8 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         """
         bulk = Quadratic(stiffness)
         rows = real_matrix(trace, "trace", own=True)
-        if not np.abs(rows.data).max(initial=0.0) < _LARGEST:
-            raise ProblemError(f"trace has entries above {_LARGEST:g}, whose squares overflow; give it in other units")
+        if not np.abs(rows.data).max(initial=0.0) < LARGEST:
+            raise ProblemError(f"trace has entries above {LARGEST:g}, whose squares overflow; give it in other units")
         own = real_array(weights, "weights", 1, own=True)
         m, components = own.shape[0], components_of(rows.shape[0], own)
         gaps = real_array(gap, "gap", 1)

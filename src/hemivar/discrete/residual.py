@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import norm, real_array
+from hemivar.basics.arrays import COUNTS, norm, real_array
 from hemivar.basics.defined_above import above
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Sized
@@ -33,7 +33,6 @@ __all__ = [
 
 #: What rounding leaves of numbers that are added up, and the part of a scale that it may excuse.
 _ULPS = 8.0 * float(np.finfo(float).eps)
-_EXCUSED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ class Residual:
     @property
     def rounding(self) -> float:
         """``noise``, but at most 1e-6 of ``scale``: a runaway iterate must not excuse its own residual."""
-        return min(self.noise, _EXCUSED * self.scale)
+        return min(self.noise, COUNTS * self.scale)
 
     @property
     def total(self) -> float:
@@ -139,7 +138,7 @@ def load_scale(problem: DiscreteProblem, compliance: Array, rest: float | None =
 def _known_force(problem: DiscreteProblem) -> float:
     """What forces can be held against however small they are: the displacement at unknowns zero leaves its rounding."""
     bulk = problem.bulk
-    return _ULPS / _EXCUSED * norm(bulk.initial_sizes) if isinstance(bulk, Potential) else 0.0
+    return _ULPS / COUNTS * norm(bulk.initial_sizes) if isinstance(bulk, Potential) else 0.0
 
 
 def resting_multiplier(law: VectorLaw, offset: Array, compliance: Array) -> Array:

@@ -16,6 +16,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
@@ -23,8 +24,6 @@ from hemivar.mesh.parts import Parts
 
 __all__ = ["Mechanism", "RigidModes", "admitted", "free_motions", "joined", "no_motions", "rigid_basis"]
 
-#: A motion that moves the supports by less than this, relative to its size, is free.
-_RANK = 1e-9
 #: Motions of parts that hang together at nodes only, up to which they are sorted out.
 _LARGEST = 1200
 
@@ -79,7 +78,7 @@ def admitted(moved: Array) -> Array:
     if not len(moved):
         return np.eye(moved.shape[1])
     triangle = np.linalg.qr(moved, mode="r")
-    return np.asarray(scipy.linalg.null_space(triangle, rcond=_RANK))
+    return np.asarray(scipy.linalg.null_space(triangle, rcond=SAME))
 
 
 def free_motions(

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array
 
 __all__ = ["RigidPart"]
-
-#: Motions that move what is looked at by less than this part of the others are not seen there.
-_SEEN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +33,7 @@ class RigidPart:
             own = columns[:, group]
             seen = np.unique(own.indices)
             left, sizes, _ = np.linalg.svd(own[seen].toarray(), full_matrices=False)
-            left = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
+            left = left[:, sizes > SAME * sizes.max(initial=0.0)]
             entries = np.repeat(seen, left.shape[1]), np.tile(np.arange(left.shape[1]), seen.size)
             blocks.append(sp.csc_array((left.ravel(), entries), shape=(columns.shape[0], left.shape[1])))
             slices.append(slice(count, count + left.shape[1]))

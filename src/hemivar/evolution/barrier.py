@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.arrays import ROUNDED, SOLVED
+from hemivar.basics.arrays import COUNTS, ROUNDED, SOLVED
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import VectorLaw
@@ -21,8 +21,6 @@ __all__ = ["PARTS", "along", "bends_downwards", "path_bends_downwards", "second_
 
 #: Even parts of the way in which the energy is looked at.
 PARTS = 70
-#: Part of the derivatives along the way by which one that falls at once does.
-_DROPS = 1e-6
 #: Contact points that are looked at together.
 _BLOCK = 512
 #: Parts of the way that are none.
@@ -113,4 +111,4 @@ def _of_points(law: VectorLaw, weights: Array, start: Array, end: Array, places:
     slopes = weights[:, None] * np.einsum("mi,mi->m", along, line.gradient).reshape(middle.shape)
     risen = 0.5 * bends * width
     jumps = np.diff(slopes, axis=1) - risen[:, 1:] - risen[:, :-1]
-    return bends, bool((jumps < -_DROPS * np.abs(slopes).max()).any())
+    return bends, bool((jumps < -COUNTS * np.abs(slopes).max()).any())

@@ -28,7 +28,7 @@ from typing import Self
 import numpy as np
 
 from hemivar.basics.arguments import described, quoted
-from hemivar.basics.arrays import ROUNDED, SOLVED, norm
+from hemivar.basics.arrays import COUNTS, ROUNDED, SOLVED, norm
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -54,8 +54,6 @@ DISSIPATION = "dissipation"
 _ROUNDS = 15
 #: Change of a displacement, as a part of its size, that may be left where it falls no more.
 _STILL = 1e-7
-#: Part of a step by which what is given may be missed where it stands.
-_MET = 1e-6
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
 #: How far a step goes beyond where the last one leads, at most. The tests of this control pass with 2 and with 10.
@@ -266,7 +264,7 @@ class _FrozenStep:
             # As far as the place moves, in displacements; what is rounding falls no more.
             far, moved = max(before, _largest(p / a), _largest((p + step) / a)), _largest(step / a)
             moved /= far or 1.0
-            stands = abs(missed) <= _MET and (moved <= ROUNDED or (moved <= _STILL and moved >= 0.5 * last))
+            stands = abs(missed) <= COUNTS and (moved <= ROUNDED or (moved <= _STILL and moved >= 0.5 * last))
             p, factor, last = p + step, factor + more, moved
         return None
 
@@ -508,7 +506,7 @@ class ControlledStepper(TimeStepper):
         if loaded is None:
             return self._dissipating(frozen, goal, step) if known.pace else None
         spent = frozen.spent(loaded)
-        if spent <= (1.0 + _MET) * goal or not known.pace:
+        if spent <= (1.0 + COUNTS) * goal or not known.pace:
             return loaded
         return self._dissipating(frozen, goal, step, frozen.increment(loaded), spent)
 

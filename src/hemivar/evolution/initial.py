@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.basics.arrays import ROUNDED, SOLVED
+from hemivar.basics.arrays import COUNTS, ROUNDED, SOLVED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import ExternalData
@@ -50,8 +50,6 @@ Moving = tuple[Kinematics, Kinematics]
 Kinked = tuple[BoolArray, BoolArray]
 #: Part of a step in which a body yields at once: what is viscous does this part of what it does in the step.
 AT_ONCE = 1e-8
-#: Part of the velocities that is slip, or misses the rate of a foundation that holds the body, and is not rounding.
-_SLIPS = 1e-6
 #: Part of the first step that tells what holds the body at the start: short, and long enough for rounding.
 _BRIEF = 1e-3
 
@@ -255,12 +253,12 @@ def _pressed(
         max(float(np.abs(velocity).max(initial=0.0)) for velocity in (state.body.velocity, rate)),
         max(float(np.abs(here).max(initial=0.0)) for here in (state.body.displacement, r)),
     ).tolist()
-    lam, undetermined = _rubbed(stepper, state, law, _SLIPS * fast, AT_ONCE * step)
+    lam, undetermined = _rubbed(stepper, state, law, COUNTS * fast, AT_ONCE * step)
     # Where a support or another boundary has the component already, nothing is held.
     undetermined &= np.diff(stepper.discrete.problem.contact.trace.indptr).reshape(undetermined.shape) > 0
     ends, near = acting.law.penetrations, ROUNDED * far
-    down = (r[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
-    up = (r[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
+    down = (r[:, 0] >= ends.upper - near) & (rate[:, 0] > COUNTS * fast)
+    up = (r[:, 0] <= ends.lower + near) & (rate[:, 0] < -COUNTS * fast)
     holds, thrown = vectors.largest(float(undetermined.any()), float((down | up).any())).tolist()
     if not holds or thrown or not stepper.scheme.uses_initial_acceleration(step):
         return lam
@@ -355,7 +353,7 @@ def apply_impulse(stepper: TimeStepper, state: TimeState, step: float) -> TimeSt
     missed, fast, carried = discrete.vectors.largest(
         *(float(np.abs(part).max(initial=0.0)) for part in (rate[glued], velocity, gaps.velocity))
     ).tolist()
-    if missed > _SLIPS * max(fast, carried):
+    if missed > COUNTS * max(fast, carried):
         raise ProblemError(
             f"at t = {state.time:.10g} the impulse of the foundation that constrains the body could not be "
             f"computed; use implicit-euler, which needs none"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.basics.arrays import ROUNDED
+from hemivar.basics.arrays import COUNTS, LARGEST, ROUNDED
 from hemivar.basics.deadline import OutOfTime, check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
@@ -48,8 +48,6 @@ __all__ = ["Backend", "StepEvent", "TimeLoop"]
 
 #: How near an event is found, as a part of the step in which it happens: 20 bisections.
 _NEAR = 1e-6
-#: Length of a step above which, and the inverse of that below which, numbers of schemes over- or underflow.
-_LONGEST = 1e100
 #: How a march ends in which the scheme made more than half of the energy that was given.
 _MADE = "energy made"
 #: Columns of the sums of errors of steps: in the energy norm, and at the contact points.
@@ -59,8 +57,6 @@ _BROKEN = "broken"
 _OUTSIDE = (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
 #: How near to a stop what acts is looked at for jumps, as a part of the time before it or of the first step.
 _BESIDE = 1e-9
-#: Part of displacements by which a stated initial one may differ from the equilibrium that is found.
-_MOVED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +124,7 @@ class TimeLoop:
                 f"the step is {step:g}, too short for times up to {plan.until:g} to be distinguished; take at least "
                 f"{least:g}"
             )
-        if not 1.0 / _LONGEST < step < _LONGEST:
+        if not 1.0 / LARGEST < step < LARGEST:
             raise ProblemError(
                 f"the step is {step:g}, whose square is beyond the range of numbers; state times in another unit"
             )
@@ -305,7 +301,7 @@ class TimeLoop:
         off, far = self.discrete.vectors.largest(
             float(np.abs(displacement - stated).max(initial=0.0)), float(np.abs(displacement).max(initial=0.0))
         ).tolist()
-        if self.discrete.evolution.displacement is not None and off > _MOVED * far:
+        if self.discrete.evolution.displacement is not None and off > COUNTS * far:
             self.note(
                 "the initial displacement is not in equilibrium where the body has no mass; the run starts from "
                 "the nearest equilibrium,"

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect, name_of, number, whole_number
-from hemivar.basics.arrays import SOLVED, real_array
+from hemivar.basics.arrays import COUNTS, SOLVED, real_array
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
@@ -26,7 +26,6 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.solvers.boundary_result import friction_of
 
 __all__ = [
-    "PROBED",
     "Frames",
     "Save",
     "contact_forces",
@@ -39,8 +38,6 @@ __all__ = [
     "probed",
 ]
 
-#: Distance from the body, as a part of its size, at which a probe counts as outside.
-PROBED = 1e-6
 #: Multiples of the time between frames that are counted; beyond them every step is a frame.
 _MOST_MULTIPLES = 2.0**53
 
@@ -233,7 +230,7 @@ def probe_rows(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> dict[s
     for name, coordinates in probes.items():
         point = probe_point(name, coordinates, mesh.dim)
         cell, share, off = nearest_cell(mesh, point)
-        if off > PROBED * size:
+        if off > COUNTS * size:
             raise probe_outside(name, mesh.points.min(axis=0), mesh.points.max(axis=0))
         nodes = mesh.cell_nodes(field.order)[cell]
         weights = shape_values(field.order, share)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.arrays import norm
+from hemivar.basics.arrays import COUNTS, norm
 from hemivar.basics.deadline import check_time
 from hemivar.basics.defined_above import above
 from hemivar.basics.types import Array, IntArray
@@ -80,8 +80,6 @@ _KNOWN = 1e-5
 #: Part of load and contact forces that rounding of displacements may make for a residual to tell something.
 #: The tests of jumps and walks pass with 0.1 as well.
 _TELLS = 1e-3
-#: Part of the elastic forces up to which such rounding does nothing.
-_NOTHING = 1e-6
 #: Steps of a method after which it is clear that rounding keeps it from its tolerance. Tests of jumps pass with 300.
 _FEW = 30
 #: Contact components up to which small matrices are dense ones.
@@ -476,7 +474,7 @@ def _indeterminate(discrete: DiscreteEvolution, stage: Stage, controls: Controls
     if not (controls.rtol > 0.0 and 0.0 < controls.atol < controls.rtol * made / _TELLS):
         return False
     elastic = discrete.stiffness.row_sums
-    return made > _NOTHING * norm(elastic * stage.prediction[: elastic.size])
+    return made > COUNTS * norm(elastic * stage.prediction[: elastic.size])
 
 
 def _hides(known: float, controls: Controls) -> bool:

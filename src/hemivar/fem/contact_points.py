@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from hemivar.basics.arrays import ROUNDED, SAME
+from hemivar.basics.arrays import LARGEST, ROUNDED, SAME
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
@@ -20,7 +20,7 @@ from hemivar.fem.mortar import Mortar, mortar
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
-from hemivar.mechanics.conditions import LARGEST, DataField
+from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 from hemivar.mechanics.obstacles import Normals, obstacle_contact

@@ -10,7 +10,7 @@ from typing import Literal, TypeVar, cast, overload
 import numpy as np
 
 from hemivar.basics.arguments import answer, quoted
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import LARGEST, real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
@@ -34,10 +34,6 @@ __all__ = [
 
 VectorData = Sequence[float | str] | Array | Callable[[Array], object] | Callable[[Array, float], object]
 ScalarData = float | str | Callable[[Array], object] | Callable[[Array, float], object]
-
-
-#: Lengths and material constants are smaller, so that their products are numbers.
-LARGEST = 1e100
 
 
 def check_finite(value: object, name: str, most: float = np.inf) -> Array:

@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from hemivar.basics.arguments import described, name_of, one_of, quoted
+from hemivar.basics.arrays import LARGEST
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.portable import PickleMixin
@@ -26,7 +27,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.memory import Bonding, Memory, PenetrationMemory, Secant, ViscousFoundation
-from hemivar.mechanics.conditions import LARGEST, ScalarData, VectorData, plain_data
+from hemivar.mechanics.conditions import ScalarData, VectorData, plain_data
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
 from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
 

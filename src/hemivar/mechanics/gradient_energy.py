@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 
 from hemivar.basics.arguments import number
+from hemivar.basics.arrays import LARGEST
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST
 
 __all__ = ["Coefficient", "FluxDensity", "GradientEnergy", "PowerLaw", "Profile", "SaturatingFlux"]
 

@@ -10,11 +10,11 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.arguments import one_of
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import LARGEST, real_array
 from hemivar.basics.stated import Form, Stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField
+from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.gradient_energy import Coefficient, FluxDensity, GradientEnergy
 from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.material import Material

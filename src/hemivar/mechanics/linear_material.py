@@ -10,12 +10,12 @@ from functools import partial
 import numpy as np
 
 from hemivar.basics.arguments import quoted
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import LARGEST, real_array
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.stated import Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, place_of, require
+from hemivar.mechanics.conditions import place_of, require
 from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.material_words import PLANE, PlaneState
 from hemivar.mechanics.moduli import Number, isotropic_matrices, lame_of, matrices_at, plain_matrix

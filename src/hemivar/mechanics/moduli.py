@@ -10,12 +10,12 @@ from typing import TypedDict, cast
 import numpy as np
 
 from hemivar.basics.arguments import described, quoted
-from hemivar.basics.arrays import ROUNDED, real_array
+from hemivar.basics.arrays import LARGEST, ROUNDED, real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField, place_of, plain_data, require
+from hemivar.mechanics.conditions import DataField, place_of, plain_data, require
 from hemivar.mechanics.instants import refuse_time
 
 __all__ = [

@@ -16,12 +16,12 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.arguments import quoted
-from hemivar.basics.arrays import ROUNDED
+from hemivar.basics.arrays import LARGEST, ROUNDED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import CheckedFields, Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField, check_finite
+from hemivar.mechanics.conditions import DataField, check_finite
 from hemivar.mesh.boundary_rule import boundary_rule
 from hemivar.mesh.mesh import Mesh
 

@@ -8,10 +8,11 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.arrays import LARGEST
 from hemivar.basics.stated import Form, kept, stated
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField, ScalarData, plain_data, require
+from hemivar.mechanics.conditions import DataField, ScalarData, plain_data, require
 from hemivar.mechanics.instants import refuse_time
 
 __all__ = [

@@ -15,11 +15,12 @@ from types import MappingProxyType
 from typing import Never
 
 from hemivar.basics.arguments import described
+from hemivar.basics.arrays import LARGEST
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.laws import Friction, NoContact, NoFriction, Superpotential
-from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
+from hemivar.mechanics.conditions import ScalarData, plain_data
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.gradient_energy import Coefficient
 from hemivar.mechanics.material import Material

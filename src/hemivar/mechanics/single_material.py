@@ -9,10 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.arrays import LARGEST
 from hemivar.basics.stated import CheckedFields, Form, Stated, kept, stated_fields
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, DataField, require
+from hemivar.mechanics.conditions import DataField, require
 from hemivar.mechanics.material import Material, no_matrices
 from hemivar.mechanics.material_description import MaterialDescription, described_point
 from hemivar.mechanics.material_words import PlaneState

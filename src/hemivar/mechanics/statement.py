@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.arguments import described, expect, number, one_of, quoted, suggest
-from hemivar.basics.arrays import SAME
+from hemivar.basics.arrays import LARGEST, SAME
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_fields
@@ -23,7 +23,6 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import (
-    LARGEST,
     SUPPORTS,
     Clamped,
     Fixed,

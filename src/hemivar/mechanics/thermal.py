@@ -14,14 +14,14 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import described, number, suggest
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import LARGEST, real_array
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import NoContact, PiecewiseQuadratic, Superpotential
 from hemivar.laws.consistency import check_own
-from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
+from hemivar.mechanics.conditions import ScalarData, plain_data
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.gradient_energy import Coefficient
 from hemivar.mechanics.instants import law_depends_on_time

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import equal_rows, pair_keys, signed_volumes
@@ -25,8 +26,6 @@ __all__ = ["Simplices", "cones", "cut_at_least", "simplices"]
 
 #: By how much of the length of an edge its middle may be off, so that it is straight.
 _STRAIGHT = 1e-6
-#: Part of the size of a cell that each of its simplices has at least.
-_LEAST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +226,7 @@ def _fans(nodes: _Nodes, part: _Part) -> tuple[IntArray, IntArray]:
     bend = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
     bend *= np.sign(bend.sum(axis=1))[:, None]
     reflex = np.argmin(bend, axis=1)
-    convex = ~flat & (bend.min(axis=1) >= -_LEAST * bend.max(axis=1))
+    convex = ~flat & (bend.min(axis=1) >= -SAME * bend.max(axis=1))
     bent = ~flat & ~convex
     turned = np.take_along_axis(
         quads, (np.where(flat, np.argmax(collapsed, axis=1) + 1, reflex)[:, None] + ring) % 4, axis=1
@@ -286,7 +285,7 @@ def _bad(nodes: _Nodes, tetrahedra: IntArray, real: BoolArray) -> BoolArray:
     """Which solids (k,) have tetrahedra (k, t, 4) of unlike signs or without volume, or no ``real`` one, (k, t)."""
     volumes = np.where(real, signed_volumes(nodes.points, tetrahedra.reshape(-1, 4)).reshape(real.shape), 0.0)
     whole = volumes.sum(axis=1)
-    flat = volumes * np.sign(whole)[:, None] <= _LEAST * np.abs(whole)[:, None]
+    flat = volumes * np.sign(whole)[:, None] <= SAME * np.abs(whole)[:, None]
     return np.asarray((real & flat).any(axis=1) | ~real.any(axis=1))
 
 

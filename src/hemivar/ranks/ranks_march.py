@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import MethodError
@@ -19,7 +20,7 @@ from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march import Backend, marching, refuse_plan
 from hemivar.evolution.running import StepEvent
-from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
+from hemivar.evolution.save import nearest_cell, probe_outside, probe_point
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.time_error import TimeBound
 from hemivar.mesh.mesh import Mesh
@@ -158,7 +159,7 @@ def _probed(discrete: DiscreteEvolution, probes: Mapping[str, object]) -> Callab
             cell, share, off = nearest_cell(mesh, point)
             nodes = mesh.cells[cell]
         nearest, own = ranks.lowest(off)
-        if nearest > PROBED * size:
+        if nearest > COUNTS * size:
             raise shared(probe_outside(name, -ends[dim:], ends[:dim]))
         found[name] = (nodes, share) if own else (nodes[:0], share[:0])
 

@@ -11,12 +11,10 @@ from hemivar.basics.deadline import Budget, OutOfTime
 from hemivar.basics.known_keywords import known_fields
 from hemivar.errors import ProblemError
 
-__all__ = ["NEARLY", "NESTED", "Budget", "Controls", "OutOfTime", "Progress"]
+__all__ = ["NESTED", "Budget", "Controls", "OutOfTime", "Progress"]
 
 #: Largest relative tolerance.
 _COARSEST = 0.1
-#: Relative residual up to which an answer misses its tolerance by what methods and bounds of errors leave.
-NEARLY = 1e-6
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hemivar.basics.arguments import check_numbers, expect
-from hemivar.basics.arrays import norm
+from hemivar.basics.arrays import COUNTS, norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -37,8 +37,6 @@ __all__ = ["SemismoothNewton"]
 SEMISMOOTH_MULTIGRID = "semismooth-multigrid"
 #: Part of what is added up in F that is rounding.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
-#: Part of the load from which rounding hides |F|.
-_HIDDEN = 1e-6
 #: Part of a step by which |F| must fall at least.
 _FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
@@ -48,8 +46,6 @@ _FIRST, _SETTLED = 0.1, 1e-3
 _ROUGH = 1e-2
 #: How often larger a whole step may make |F|: Newton's equation leads astray beyond that.
 _ASTRAY = 10.0
-#: Part of the energy norm up to which states are the same.
-_SAME = 1e-6
 #: Rounds, and the part of |F| that has to be gone after as many: else another way is thought better.
 _PATIENCE, _GAINED = 5, 0.1
 #: The least part of the bound by which it is raised.
@@ -255,7 +251,7 @@ class SemismoothNewton(Solver):
         end, status, _ = iterate(inner, frozen, begun, Controls(rtol=self.fallback.inner_rtol), budget)
         inner.release(end)
         check_interrupt(status)
-        return frozen.stretch(end.r - state.r) <= _SAME * frozen.stretch(state.r)
+        return frozen.stretch(end.r - state.r) <= COUNTS * frozen.stretch(state.r)
 
     def release(self, state: State) -> None:
         memory = state.memory
@@ -367,7 +363,7 @@ class _Search:
         """Whether |F| shows anything: it shows nothing so far away that rounding is a part of the load."""
         system = self.equation.system
         size = float(system.vectors.norms(system.weights[:, None] * point.lam)[0])
-        return self._rounding(point, system.rounding_sizes(point.x)) <= _HIDDEN * system.load_scale.of(size)
+        return self._rounding(point, system.rounding_sizes(point.x)) <= COUNTS * system.load_scale.of(size)
 
     def at(self, x: Array, cycles: int = 0, force: Array | None = None) -> _Iterate | None:
         """A point with |F|, ``force`` being what is out of balance there; None where that is not known."""

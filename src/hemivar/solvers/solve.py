@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import COUNTS, real_array
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
@@ -28,7 +28,7 @@ from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import Solver, SolverSystem, State
 from hemivar.solvers.choice import choose, repaid
-from hemivar.solvers.controls import NEARLY, Budget, Controls, Progress
+from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fallbacks import LOWER, best_of, others, took_over
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
@@ -155,7 +155,7 @@ def solving(
     solution = yield from task.by(solver)
     if solution.status not in (Status.CONVERGED, *STOPPED):
         solution = yield from task.handed_on(solver, solution, asked=given is not None)
-    if problem.limit is not None and solution.status in _LOST and not solution.residual.relative <= NEARLY:
+    if problem.limit is not None and solution.status in _LOST and not solution.residual.relative <= COUNTS:
         return replace(solution, status=Status.NOT_CARRIED)
     remarks = [LOWER] if given is None and task.below(solver, solution) else []
     if solution.status is Status.CONVERGED and solution.residual.excused(controls.atol, controls.rtol):
@@ -386,7 +386,7 @@ def _solution(system: SolverSystem, end: _End) -> Solution:
     """All unknowns from the iterate, with the residual of the full problem and the status that this allows."""
     problem, state = system.problem, end.state
     began = time.perf_counter()
-    excused = 0.0 if state.error_bound is None else NEARLY
+    excused = 0.0 if state.error_bound is None else COUNTS
     unknowns, multiplier, residual, status = finish(system, state, end.status, end.controls, excused)
     return Solution(
         problem=problem,

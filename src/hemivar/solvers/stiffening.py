@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from hemivar.basics.arrays import SOLVED
+from hemivar.basics.arrays import COUNTS, SOLVED
 from hemivar.basics.deadline import Budget
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.generators import result_of
@@ -25,7 +25,7 @@ from hemivar.linear.definite import DENSE, indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.choice import affordable
-from hemivar.solvers.controls import NEARLY, Controls, Progress
+from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.load_stepping import Climb, LoadStepping
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
@@ -178,7 +178,7 @@ def stiffening(
 
 def _near(solution: Solution) -> bool:
     """Whether an answer misses the tolerance by what methods leave."""
-    return solution.status is Status.INACCURATE and solution.residual.relative <= NEARLY
+    return solution.status is Status.INACCURATE and solution.residual.relative <= COUNTS
 
 
 def _iterated(

@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.types import Array
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State
@@ -24,8 +25,6 @@ _WORTH = 1e-12
 #: Part of the residual below which it has fallen in a step; how much closer Newton's equation is solved else, and most.
 #: Half and twice of each cost the same steps and cycles to 1 % on small bodies.
 _FALLS, _CLOSER, _CLOSEST = 0.9, 0.3, 1e-4
-#: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
-_TINY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +224,7 @@ def _goes_down(system: ContactSystem, here: LinearisedPoint, new: Array, near: A
     far, size, kinks = system.vectors.largest(
         np.abs(increment).max(initial=0.0), np.abs(here.r).max(initial=0.0), max(still)
     )
-    if far > _TINY * size or kinks > 0.0:
+    if far > COUNTS * size or kinks > 0.0:
         return False
     push = [system.less_contact(at.force, system.weights[:, None] * at.multiplier) for at in (here, end)]
     return float(system.vectors.total(float((push[0] + push[1]) @ (new - here.x).ravel()))[0]) >= 0.0

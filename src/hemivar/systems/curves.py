@@ -7,15 +7,14 @@ from abc import ABC, abstractmethod
 import numpy as np
 import scipy.linalg as la
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.types import AnyArray, Array, BoolArray
 from hemivar.systems.condensed import CondensedProblem
 
-__all__ = ["CORRECTION", "ROUNDING", "Curves", "negative_eigenvalues"]
+__all__ = ["ROUNDING", "Curves", "negative_eigenvalues"]
 
 #: Relative rounding that a zero of F may carry.
 ROUNDING = 64.0 * float(np.finfo(float).eps)
-#: Part of the displacements by which Newton's method may still move a point whose balance is exact but for rounding.
-CORRECTION = 1e-6
 
 
 class Curves(ABC):
@@ -103,7 +102,7 @@ class Curves(ABC):
             if not np.isfinite(theta).all():
                 return None
             size = np.abs(step).max(initial=0.0) / max(float(np.abs(theta).max(initial=0.0)), self.length)
-            if size <= (CORRECTION if exact else 1e-14):
+            if size <= (COUNTS if exact else 1e-14):
                 return theta
         F, _ = self.balance(theta, segment, force)
         return theta if self.rounds(F, theta, segment, force) else None

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 
 __all__ = ["free_unknowns", "refuse_unseen"]
-
-#: Motions that a stiffness resists by more than this, relative to its diagonal, are not in its kernel.
-_RESISTED = 1e-9
 
 
 def free_unknowns(problem: DiscreteProblem) -> Array | None:
@@ -29,7 +27,7 @@ def refuse_unseen(problem: DiscreteProblem) -> None:
     seen = (
         np.linalg.qr(problem.contact.trace @ free, mode="r") if problem.contact_points else np.zeros((0, free.shape[1]))
     )
-    if np.linalg.matrix_rank(seen, tol=_RESISTED) < free.shape[1]:
+    if np.linalg.matrix_rank(seen, tol=SAME) < free.shape[1]:
         raise ProblemError(
             "the stiffness matrix is singular: a part of the body is free to move; add a support (hv.discretize "
             "names the part unless check_coercivity=False)"

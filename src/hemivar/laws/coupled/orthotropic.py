@@ -14,6 +14,7 @@ from typing import Self
 
 import numpy as np
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -28,8 +29,6 @@ from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths
 
 __all__ = ["OrthotropicLaw", "bounded"]
 
-#: Part of an axis along the surface below which it has no direction there.
-_UPRIGHT = 1e-6
 #: The first tangential component.
 _FIRST = np.array([[1.0, 0.0]])
 
@@ -72,7 +71,7 @@ class OrthotropicLaw(NormalAndFriction):
         if frames.shape[2] != 3:
             raise ProblemError("orthotropic friction needs a surface, and the mesh is plane; take Tresca or Coulomb")
         size = lengths(along)
-        if (size <= _UPRIGHT * float(np.linalg.norm(self.friction.axis))).any():
+        if (size <= COUNTS * float(np.linalg.norm(self.friction.axis))).any():
             raise ProblemError(
                 f"the axis {list(self.friction.axis)} of the orthotropic friction is normal to the surface at a "
                 "contact point; give a direction along it"
