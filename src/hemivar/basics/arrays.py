@@ -17,11 +17,25 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["COUNTS", "LARGEST", "ROUNDED", "SAME", "SOLVED", "norm", "real_array", "real_matrix", "unmasked"]
+__all__ = [
+    "CACHED",
+    "COUNTS",
+    "DIGITS",
+    "LARGEST",
+    "ROUNDED",
+    "SAME",
+    "SOLVED",
+    "norm",
+    "real_array",
+    "real_matrix",
+    "unmasked",
+]
 
 #: Part of the largest of their kind by which two numbers (coordinates, loads, prescribed values) may differ and be the
 #: same: far above rounding (1e-16), far below what anybody means.
 SAME = 1e-9
+#: As many decimals are left of such numbers, over the largest, where they are sorted.
+DIGITS = 9
 #: Part of the largest of what a solve leaves that tells nothing: the default tolerance of one.
 SOLVED = 1e-9
 #: Part of the largest from which something counts that follows from what was solved for: a thousand times what a solve
@@ -33,6 +47,8 @@ ROUNDED = 1e-12
 #: Lengths, times, entries and material constants are smaller than this, and larger than its inverse, so that their
 #: products by three are numbers.
 LARGEST = 1e100
+#: Numbers that are worked on at a time: 2 MiB, about what a core caches.
+CACHED = 1 << 18
 #: Squares of norms between which no square of an entry that counts over- or underflows.
 _TINY, _HUGE = 1e-240, 1e240
 #: What NumPy's kinds of entries that are no numbers are called.

@@ -29,9 +29,10 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import DIGITS
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable, facet_table, facet_vertices
-from hemivar.bounds.prisms import DIGITS, KINDS, Solids, prism_squares, prisms, room, tolerance
+from hemivar.bounds.prisms import KINDS, Solids, prism_squares, prisms, room, tolerance
 from hemivar.bounds.roundings import CONSTANT
 from hemivar.bounds.split_element import pulled_back, split_element, voigt
 from hemivar.fem.directed_matrix import directed_matrix
@@ -41,8 +42,10 @@ __all__ = ["FacetConstants", "equilibrated_blocks", "facet_constants"]
 
 #: How often a cell in the plane and a cell in space are cut in halves.
 _HALVINGS = {2: 2, 3: 1}
-#: Kinds that are tried, one after another, where facets lie in a plane and where they meet at angles.
-_PRISMS, _FRUSTA = (0, 1, 2, 3, 4), (3, 4, 2)
+#: Kinds that are tried, one after another, where facets lie in a plane: all of them.
+_PRISMS = tuple(range(len(KINDS)))
+#: And where they meet at angles: those that grow narrower, and the flattest.
+_FRUSTA = (3, 4, 2)
 
 
 def equilibrated_blocks(compliance: Array, jacobian: Array, *, loaded: bool = False) -> Array:

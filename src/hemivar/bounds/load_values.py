@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.arrays import SAME
+from hemivar.basics.arrays import CACHED, SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
@@ -25,8 +25,10 @@ __all__ = ["LoadValues", "load_values"]
 
 #: What may be unknown of a load, over its size, and over what it does inside of cells times their size in the body.
 _KNOWN, _INSIDE = 5e-5, 0.02
-#: Parts that are expanded beyond the simplices themselves, at most; rounds of cutting; parts at a time.
-_MOST, _ROUNDS, _CHUNK = 1 << 15, 60, 1 << 13
+#: Parts that are expanded beyond the simplices themselves, at most.
+_MOST = 1 << 15
+#: Parts at a time.
+_CHUNK = CACHED // 32
 #: Part of the unknown that a round of cutting may leave as it is.
 _LEFT = 0.1
 _FUNCTION = "is a function of Python, which is evaluated at points only; a formula would be bounded"
@@ -190,7 +192,7 @@ def _known(
     whole = -1 if cells else 0
     parts = expanded(np.arange(n), np.full(n, whole), np.broadcast_to(np.eye(p + 1), (n, p + 1, p + 1)))
     spent = 0
-    for _ in range(_ROUNDS):
+    for _ in range(60):  # halved more often, corners of a part are one in double precision
         chosen = _worst(parts, measures, inside, (_MOST - spent) // (p + 1))
         if not chosen.any():
             break

@@ -19,13 +19,12 @@ from itertools import permutations
 
 import numpy as np
 
-from hemivar.basics.arrays import SAME
+from hemivar.basics.arrays import DIGITS, SAME
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.facet_table import FacetTable
 from hemivar.bounds.split_element import pulled_back
 
 __all__ = [
-    "DIGITS",
     "KINDS",
     "RATIOS",
     "SQUARES",
@@ -155,8 +154,6 @@ SQUARES = (
         (159.6780, 160.7071, 161.6476),
     ),
 )
-#: How many triangles a triangle is compared with, and digits to which two are as near.
-_NEAR, DIGITS = 3, 9
 
 
 def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Array) -> Array:
@@ -173,7 +170,7 @@ def prism_squares(kind: IntArray, corners: Array, inward: Array, compliance: Arr
     off = np.sum((flat[:, None, None] @ known) ** 2, axis=(3, 4)) / area[:, None, None]
     off = np.round(off, DIGITS)  # of triangles that are alike the first is taken, not what rounding says
     shift = np.argmin(off, axis=2)
-    nearest = np.argsort(off.min(axis=2), axis=1, kind="stable")[:, :_NEAR]
+    nearest = np.argsort(off.min(axis=2), axis=1, kind="stable")[:, :3]
     count = nearest.shape[1]
     chosen = known[nearest, np.take_along_axis(shift, nearest, axis=1)]
     change: Array = np.empty((len(corners), count, 3, 3))

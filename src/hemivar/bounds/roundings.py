@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from hemivar.basics.arrays import CACHED
+
 __all__ = ["CELLS", "CONSTANT", "FREE", "KINK"]
 
-#: Cells whose numbers are held at a time: with 60 numbers a cell, the most, they are two MB and fit a cache.
-CELLS = 1 << 12
+#: Cells whose numbers are held at a time, of which a cell has 60 at most.
+CELLS = CACHED // 64
 #: Part of a modulus by which it may vary and count as constant: some 500 roundings. A tensor that is turned is a sum
 #: of 81 products of five.
 CONSTANT = 1e-13

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import CACHED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.body_data import BodyData
 from hemivar.bounds.compiled_stars import CompiledStars
@@ -33,8 +34,6 @@ __all__ = ["Tractions", "equilibrated", "shared_on_contact"]
 
 #: Least ease of a facet at a vertex over the largest one there.
 _APART = 1e-4
-#: Numbers of the matrices solved together: they fit a cache.
-_ENTRIES = 1 << 19
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +273,7 @@ class _Stars:
         for size in np.unique(counts):
             for group, components in ((counts == size) & ~coupled, 1), ((counts == size) & coupled, dim):
                 chosen = np.flatnonzero(group)
-                step = max(_ENTRIES // (size * components) ** 2, 1)
+                step = max(CACHED // (size * components) ** 2, 1)
                 for start in range(0, len(chosen), step):
                     self._solve(chosen[start : start + step], int(size), components, lack, out)
         return out

@@ -16,14 +16,13 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.linear.products import diagonal
+from hemivar.mesh.keys import PORTION
 
 __all__ = ["FEW_ZEROS", "Bulk", "Quadratic", "Sized", "without_zeros"]
 
 _SYMMETRY_TOLERANCE = 1e-10
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
 _LEAST_WORK = 1e-270
-#: Rows of a matrix looked at in one go.
-PORTION = 1 << 16
 #: Part of the stored entries of a matrix that are none of them zeros, above which zeros are left where they are.
 FEW_ZEROS = 0.95
 

@@ -11,8 +11,9 @@ import scipy.sparse as sp
 from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.bulk import FEW_ZEROS, PORTION, without_zeros
+from hemivar.discrete.bulk import FEW_ZEROS, without_zeros
 from hemivar.linear.products import product
+from hemivar.mesh.keys import PORTION
 
 __all__ = ["Multiple", "Operator", "combined", "of_arrays"]
 

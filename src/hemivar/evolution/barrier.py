@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.arrays import COUNTS, ROUNDED, SOLVED
+from hemivar.basics.arrays import CACHED, COUNTS, ROUNDED, SOLVED
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import VectorLaw
@@ -21,8 +21,8 @@ __all__ = ["PARTS", "along", "bends_downwards", "path_bends_downwards", "second_
 
 #: Even parts of the way in which the energy is looked at.
 PARTS = 70
-#: Contact points that are looked at together.
-_BLOCK = 512
+#: Contact points that are looked at together: each has PARTS second derivatives, of 9 numbers in space.
+_BLOCK = CACHED // 512
 #: Parts of the way that are none.
 _NONE = 1e-14
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arrays import CACHED
 from hemivar.basics.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
-    "AT_ONCE",
     "FAR",
     "MANY",
     "convex_part",
@@ -34,8 +34,6 @@ FAR = 1e8
 #: Knots from which on they are searched, and not gone through. At 40 knots of 5000 points searching finds minimisers
 #: six times faster (0.6 ms for 3.8 ms) and distances to the graph three times slower (7.4 ms for 2.7 ms).
 MANY = 40
-#: Points times knots that are looked at at once: arrays of 2 MB, about what a core caches.
-AT_ONCE = 1 << 18
 #: Places on each side of zero at which a minimiser that no piece holds is looked for, each 7 per cent farther than the
 #: one before; with a quarter of them tests/laws find the same.
 _PLACES = 600
@@ -195,7 +193,7 @@ def _argmin_of_many(law: Superpotential, a: Array, b: Array) -> Array:
         if monotone[index[0]]:
             out[index] = _bisected(part, a[index], b[index])
             continue
-        size = max(1, AT_ONCE // law.searched)
+        size = max(1, CACHED // law.searched)
         for start in range(0, index.size, size):
             some = index[start : start + size]
             part = law if law.rows == 1 else law.take(some)

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.arrays import ROUNDED
+from hemivar.basics.arrays import CACHED, ROUNDED
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.minimisers import AT_ONCE
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
@@ -139,7 +138,7 @@ def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least
     point = 0
     while point < r.size:
         check_time()
-        stop = max(int(np.searchsorted(starts, starts[point] + AT_ONCE, side="right")) - 1, point + 1)
+        stop = max(int(np.searchsorted(starts, starts[point] + CACHED, side="right")) - 1, point + 1)
         rows = np.repeat(every[point:stop], count[point:stop])
         begins = starts[point:stop] - starts[point]
         index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])

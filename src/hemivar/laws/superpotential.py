@@ -17,13 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.arrays import CACHED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import minimisers
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.description import LawDescription, describe
-from hemivar.laws.minimisers import AT_ONCE, FAR, MANY
+from hemivar.laws.minimisers import FAR, MANY
 
 __all__ = ["Interval", "Superpotential", "entry"]
 
@@ -436,7 +437,7 @@ class Superpotential(PickleMixin, ABC):
                 if not open_.size:
                     break
                 done += width
-                width = int(min(2 * width, max(AT_ONCE // open_.size, 1)))
+                width = int(min(2 * width, max(CACHED // open_.size, 1)))
         return out.reshape(best.shape)
 
     # ---- the local problem ---------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import CACHED
 from hemivar.basics.types import Array
 from hemivar.kernels import kernels
 
@@ -17,8 +18,8 @@ except ImportError:  # SciPy has moved it
 
 __all__ = ["diagonal", "portions", "product"]
 
-#: Rows of a portion.
-_ROWS = 1 << 12
+#: Rows of a portion: with 64 entries each, as many as a body in space has, they are cached.
+_ROWS = CACHED // 64
 
 
 def diagonal(A: sp.csr_array) -> Array:

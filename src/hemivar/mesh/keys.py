@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from hemivar.basics.arrays import CACHED
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
 
@@ -34,7 +35,7 @@ EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3)
 FACETS = {2: ((0, 1), (1, 2), (2, 0)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
 _T = TypeVar("_T", bound=np.generic)
 #: Entries, cells or points taken at a time: half a MiB for each column of numbers.
-PORTION = 1 << 16
+PORTION = CACHED // 4
 
 
 def frozen(array: NDArray[_T]) -> NDArray[_T]:

@@ -15,19 +15,6 @@ from hemivar.basics.types import Array, IntArray
 
 __all__ = ["CODES", "KINDS", "SHAPES", "VTK_KINDS", "ElementKind", "Shape", "red_tetrahedra", "unknown_kind"]
 
-#: The four triangles of one of second order, by its corners and middles.
-_TRIANGLE = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
-#: Numbers of the 27 nodes of a hexahedron by their places along x, y and z.
-_GRID = (
-    ((0, 16, 4), (11, 24, 15), (3, 19, 7)),
-    ((8, 22, 12), (20, 26, 21), (10, 23, 14)),
-    ((1, 17, 5), (9, 25, 13), (2, 18, 6)),
-)
-#: Corners of a cube as mesh files number them.
-_AROUND = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
-#: Those of a wedge of 18 nodes, level by level.
-_LEVELS = ((0, 1, 2, 6, 7, 8), (12, 13, 14, 15, 16, 17), (3, 4, 5, 9, 10, 11))
-
 
 @dataclass(frozen=True)
 class Shape:
@@ -49,14 +36,22 @@ class Shape:
 
 def _shapes() -> dict[str, Shape]:
     ring = ((0, 1), (1, 2), (2, 3), (3, 0))
+    grid = (  # the 27 nodes of a hexahedron by their places along x, y and z
+        ((0, 16, 4), (11, 24, 15), (3, 19, 7)),
+        ((8, 22, 12), (20, 26, 21), (10, 23, 14)),
+        ((1, 17, 5), (9, 25, 13), (2, 18, 6)),
+    )
+    around = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
+    levels = ((0, 1, 2, 6, 7, 8), (12, 13, 14, 15, 16, 17), (3, 4, 5, 9, 10, 11))  # of a wedge of 18 nodes
+    triangles = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))  # of one of second order
     box = tuple(
-        ("hexahedron", tuple(_GRID[x + a][y + b][z + c] for a, b, c in _AROUND))
+        ("hexahedron", tuple(grid[x + a][y + b][z + c] for a, b, c in around))
         for x, y, z in product(range(2), repeat=3)
     )
     prisms = tuple(
         ("wedge", tuple(low[k] for k in part) + tuple(high[k] for k in part))
-        for low, high in pairwise(_LEVELS)
-        for part in _TRIANGLE
+        for low, high in pairwise(levels)
+        for part in triangles
     )
     base = ((0, 5, 13, 8, 9), (5, 1, 6, 13, 10), (13, 6, 2, 7, 11), (8, 13, 7, 3, 12), (9, 10, 11, 12, 4))
     between = ((5, 9, 10, 13), (6, 10, 11, 13), (7, 11, 12, 13), (8, 12, 9, 13))
@@ -65,7 +60,7 @@ def _shapes() -> dict[str, Shape]:
         Shape("line", "lines", 1, 2, ((0, 1),), children=(("line", (0, 2)), ("line", (2, 1)))),
         Shape(
             "triangle", "triangles", 2, 3, ((0, 1), (1, 2), (2, 0)),
-            children=tuple(("triangle", part) for part in _TRIANGLE),
+            children=tuple(("triangle", part) for part in triangles),
         ),
         Shape(
             "quad", "quadrilaterals", 2, 4, ring,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.arrays import unmasked
+from hemivar.basics.arrays import DIGITS, unmasked
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -31,8 +31,6 @@ __all__ = ["bisected", "refined_where"]
 
 #: Edges of the faces (of the cell itself in the plane) by dimension, as numbers of :data:`EDGES`.
 _FACES = {2: ((0, 1, 2),), 3: ((1, 4, 5), (2, 3, 5), (0, 3, 4), (0, 1, 2))}
-#: Digits to which two lengths are one.
-_DIGITS = 9
 _FACET_PARTS = {2: ((0, 2), (2, 1)), 3: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))}
 
 
@@ -83,7 +81,7 @@ def _by_length(mesh: Mesh) -> IntArray:
     """Places (E,) of the edges in the order of their lengths; of those as long as each other in that of their nodes."""
     ends = mesh.points[mesh.edges]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    order = np.argsort(np.round(lengths / lengths.max(), _DIGITS), kind="stable")
+    order = np.argsort(np.round(lengths / lengths.max(), DIGITS), kind="stable")
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     return rank

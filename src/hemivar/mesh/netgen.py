@@ -24,8 +24,6 @@ _SOLIDS = {
     15: ("wedge15", [0, 2, 1, 3, 5, 4, 7, 8, 6, 13, 14, 12, 9, 11, 10]),
     20: ("hexahedron20", [0, 3, 2, 1, 4, 7, 6, 5, 10, 9, 11, 8, 16, 19, 18, 17, 14, 13, 15, 12]),
 }  # fmt: skip
-#: Columns of the group, of the number of nodes and of the first node.
-_IN_SPACE, _PLANE = (0, 1, 2), (1, 4, 5)
 
 
 def parse_netgen(text: str) -> RawMesh:
@@ -39,9 +37,9 @@ def parse_netgen(text: str) -> RawMesh:
     blocks, names = list[Block](), dict[tuple[int, int], str]()
     for section, rows in sections.items():
         if section == "volumeelements":
-            _elements(rows, _IN_SPACE, _SOLIDS, blocks)
+            _elements(rows, (0, 1, 2), _SOLIDS, blocks)
         elif section.startswith("surfaceelements"):
-            _elements(rows, _PLANE, _SURFACES, blocks)
+            _elements(rows, (1, 4, 5), _SURFACES, blocks)
         elif section.startswith("edgesegments") and rows and dim == 2:
             new = section.endswith("gi3")
             ends = [row[:2] if new else row[2:4] for row in rows]

@@ -27,10 +27,6 @@ _KINDS = {
     for family in range(4, 10)
     for number, name in ((1, "triangle"), (2, "triangle6"), (4, "quad"), (5, "quad8"))
 }  # fmt: skip
-#: Elements with a line more: beams.
-_BEAMS = (11, 21, 22, 23, 24)
-#: Springs, masses and constraints, which are no part of a body.
-_OTHERS = (121, 122, 136, 137, 138, 139, 141, 142, 151, 152, 161, 171)
 #: Nodes in the order of VTK: the file goes around a layer, corner and middle in turns.
 _ORDER = {
     "line3": [0, 2, 1],
@@ -43,8 +39,6 @@ _ORDER = {
 #: Datasets of nodes and the lines of one; of elements and the numbers before the count of nodes; of groups.
 _NODES, _ELEMENTS = {"15": 1, "781": 2, "2411": 2}, {"780": 7, "2412": 5}
 _GROUPS = ("2417", "2429", "2430", "2432", "2435", "2452", "2467", "2477")
-#: What a member of a group is.
-_NODE, _ELEMENT = 7, 8
 
 
 def is_unv(start: bytes) -> bool:
@@ -66,9 +60,10 @@ def parse_unv(text: str) -> RawMesh:
         raise ProblemError("it holds no nodes (dataset 2411); save the mesh, not results alone")
     table = np.vstack(nodes)
     blocks, labels, others = list[Block](), list[IntArray](), set[int]()
+    no_parts = (121, 122, 136, 137, 138, 139, 141, 142, 151, 152, 161, 171)  # springs, masses and constraints
     for head, lines in elements:
         for code, rows in _runs(whole([word for line in lines for word in line.split()], "elements"), head):
-            if code in _OTHERS:
+            if code in no_parts:
                 others.add(code)
                 continue
             kind = _kind(code, rows.shape[1])
@@ -105,7 +100,7 @@ def _runs(words: IntArray, head: int) -> Iterator[tuple[int, IntArray]]:
         if at + head >= len(words) or words[at + head] < 1:
             raise ProblemError("an element has no nodes; the file is cut off or damaged: save it again")
         code, count = int(words[at + 1]), int(words[at + head])
-        first = head + 1 + 3 * (code in _BEAMS)
+        first = head + 1 + 3 * (code in (11, 21, 22, 23, 24))  # a beam has a line more
         width = first + count
         rows = words[at : at + (len(words) - at) // width * width].reshape(-1, width)
         same = (rows[:, 1] == code) & (rows[:, head] == count)
@@ -150,12 +145,12 @@ def _name(
         for dim in raw.cells
     }
     for name, members in groups:
-        wanted = members[members[:, 0] == _ELEMENT, 1]
+        at_node, wanted = (members[members[:, 0] == kind, 1] for kind in (7, 8))  # nodes and elements
         for dim, own in by_dim.items():
             rows = np.flatnonzero(np.isin(own, wanted))
             if rows.size:
                 raw.groups[dim, name] = np.union1d(raw.groups.get((dim, name), rows), rows)
-        at = np.flatnonzero(np.isin(ids, members[members[:, 0] == _NODE, 1]))
+        at = np.flatnonzero(np.isin(ids, at_node))
         if at.size:
             raw.at_nodes[name] = np.union1d(raw.at_nodes.get(name, at), at)
         if not len(members):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.arrays import CACHED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
@@ -22,7 +23,6 @@ from hemivar.laws.coupled.plane_bounds import (
 )
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
 from hemivar.laws.crossings import length_places
-from hemivar.laws.minimisers import AT_ONCE
 from hemivar.laws.parameters import checked_reach
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, VectorLaw, polar
@@ -270,7 +270,7 @@ class OwnCoupledLaw(VectorLaw):
         sure = (flat > 1.000001 * np.array([normal, tangential])).all(axis=1)
         sure &= (np.abs(x) <= self.reach).all(axis=1)  # elsewhere nothing is known of the convexity
         rows = np.flatnonzero(~sure)
-        together = max(1, AT_ONCE // self._grid[2].size)
+        together = max(1, CACHED // self._grid[2].size)
         for start in range(0, rows.size, together):
             some = rows[start : start + together]
             x[some] = self._searched(flat[some], force[some], x[some])
