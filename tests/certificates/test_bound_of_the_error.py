@@ -264,7 +264,7 @@ def test_bad_input() -> None:
 
 def test_the_margin_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """On the falling piece the residual is (1 - c) times the error: without a search the bound is the error."""
-    monkeypatch.setattr(bound, "_SEARCHABLE", 0)
+    monkeypatch.setattr(bound, "REPEATED", 0)
     problem = bar_problem(0.4, 2.0, 0.1, 0.5)
     exact = bar_unknowns(0.4, 0.3)
     u = exact + 0.01 * np.linspace(0.0, 1.0, 9)[1:]

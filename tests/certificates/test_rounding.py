@@ -143,7 +143,7 @@ def test_the_bound_of_whole_numbers_is_what_rounding_might_have_hidden(units: fl
 
 def test_a_careless_multiplier_does_not_spoil_the_bound_of_a_displacement(monkeypatch: pytest.MonkeyPatch) -> None:
     """At a wall every pressure fulfils the law; the one that balances the forces is tried too, before any search."""
-    monkeypatch.setattr(bound, "_SEARCHABLE", 0)
+    monkeypatch.setattr(bound, "REPEATED", 0)
     K = np.array([[2.0, -1.0], [-1.0, 3.0]])
     u = np.array([0.5, 0.25])
     load = K @ u + np.array([0.0, 2.0])

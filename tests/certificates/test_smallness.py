@@ -158,7 +158,7 @@ def test_a_multiplier_that_is_given_counts(monkeypatch: pytest.MonkeyPatch) -> N
     The given pair is as far from all solutions as e in energy; the force that balances the contact point leaves
     ``K_bb e`` behind it, which is more in the dual norm.
     """
-    monkeypatch.setattr(bound, "_SEARCHABLE", 0)
+    monkeypatch.setattr(bound, "REPEATED", 0)
     law = ContactLaw(Compliance(0.5), Friction(PenetrationBound(([0.0, 1.0], [0.2, 0.3])), weakening(0.4, 0.5)))
     K = np.array([[1.0, 0.0, 0.0], [0.0, 3.0, -2.0], [0.0, -2.0, 3.0]])
     problem = DiscreteProblem.of_arrays(K, np.array([1.0, 0.05, 0.0]), np.eye(2, 3), np.ones(1), np.zeros(1), law)

@@ -22,6 +22,7 @@ __all__ = [
     "COUNTS",
     "DIGITS",
     "LARGEST",
+    "NULL",
     "ROUNDED",
     "SAME",
     "SOLVED",
@@ -44,6 +45,8 @@ COUNTS = 1e-6
 #: Part of the largest of what is summed up that is rounding: 4500 times that of one number, which a sum of as many
 #: products may reach, and products of a few matrices on a mesh stay below.
 ROUNDED = 1e-12
+#: Part of the largest pivot, eigenvalue or entry below which one counts as zero: rounding of up to a million terms.
+NULL = 1e-10
 #: Lengths, times, entries and material constants are smaller than this, and larger than its inverse, so that their
 #: products by three are numbers.
 LARGEST = 1e100

@@ -27,6 +27,7 @@ from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Plane
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.refine import COVERED
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
@@ -46,8 +47,6 @@ __all__ = [
 T = TypeVar("T")
 #: Cells of the part that is made of a body, by dimension.
 PART = {2: 40, 3: 56}
-#: Part of a facet by which another one must lie over it.
-_OVER = 1e-6
 #: Digits to which two materials are one.
 _DIGITS = 13
 
@@ -263,5 +262,5 @@ def facet_cover(mine: Array, others: Array) -> BoolArray:
     for axis in range(mine.shape[2]):
         least = np.minimum(high[:, None, axis] - low[:, None, axis], above[:, axis] - below[:, axis])
         common = np.minimum(high[:, None, axis], above[:, axis]) - np.maximum(low[:, None, axis], below[:, axis])
-        covered &= common >= _OVER * least - flat
+        covered &= common >= COVERED * least - flat
     return covered

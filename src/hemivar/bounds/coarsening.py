@@ -19,13 +19,12 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.bounds.facet_table import facet_table
 from hemivar.mesh.keys import EDGES, signed_volumes
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.smooth_chains import STRAIGHT
 
 __all__ = ["LOSS", "Coarse", "coarsened", "shapes"]
 
-#: Angle that is rounding, in radians: up to it facets are of one plane.
-_STRAIGHT = 1e-6
-#: Part of the volume of the cells at a node that rounding may change, and that may be cut off.
-_ROUNDING, LOSS = 1e-10, 0.02
+#: Part of the volume of the cells at a node that may be cut off.
+LOSS = 0.02
 #: Shapes of cells, 1 for regular ones, that nodes may leave behind where they were better: at first, and the last.
 _SHAPES = {2: (0.75, 0.05), 3: (0.4, 0.1)}
 #: Shape of a cell that has no volume.
@@ -123,7 +122,7 @@ def _strata(points: Array, facets: IntArray, labels: IntArray, normals: Array) -
     bent = np.linalg.norm(unit[one] - unit[other], axis=1)
     if (labels == -1).any():  # between materials normals have no side
         bent = np.where(labels[one] == -1, np.minimum(bent, np.linalg.norm(unit[one] + unit[other], axis=1)), bent)
-    crease = (counts != 2) | (labels[one] != labels[other]) | ((labels[one] != 0) & (bent > _STRAIGHT))
+    crease = (counts != 2) | (labels[one] != labels[other]) | ((labels[one] != 0) & (bent > STRAIGHT))
     dims = np.full(count, dim)
     dims[facets] = dim - 1
     if dim == 2:
@@ -136,7 +135,7 @@ def _strata(points: Array, facets: IntArray, labels: IntArray, normals: Array) -
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     leaving = np.concatenate([along, -along])
     total = np.stack([np.bincount(node, leaving[:, i], count) for i in range(3)], axis=1)
-    straight = (np.bincount(node, minlength=count) == 2) & (np.linalg.norm(total, axis=1) <= _STRAIGHT)
+    straight = (np.bincount(node, minlength=count) == 2) & (np.linalg.norm(total, axis=1) <= STRAIGHT)
     dims[straight] = 1
     return lines, dims
 
@@ -274,7 +273,7 @@ class _State:
         who, old, label = who[left], old[left], self.labels[facet[left]]
         new = np.where(old == node[who, None], onto[who, None], old)
         between = signed_volumes(self.points, np.column_stack([new, node[who]])) * (1.0 if self.dim == 3 else -1.0)
-        small = _ROUNDING * total[who]
+        small = SAME * total[who]
         wrong = np.where(label == 0, between < -small, np.abs(between) > small)
         cut = np.bincount(who, np.where((label == 0) & (between > small), between, 0.0), count)
         allowed &= np.bincount(who, wrong, count) == 0

@@ -24,6 +24,7 @@ from hemivar.basics.types import Array
 from hemivar.bounds.bare_body import has_constant_normals
 from hemivar.bounds.contact_traces import ContactTraces
 from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws.scalar_graph import ENDLESS
 
 __all__ = ["loose_motions"]
 
@@ -31,8 +32,6 @@ __all__ = ["loose_motions"]
 _PLANES = 6
 #: Digits to which normals and places of planes are one, of the extent of the body.
 _DIGITS = 8
-#: Where the last piece of a law is looked at.
-_FAR = 1e3
 
 
 def loose_motions(traces: ContactTraces, moves: Array, works: Array, size: float) -> Array:
@@ -68,7 +67,7 @@ def _tells(law: Superpotential) -> bool:
         low, high = law.piece_bounds(piece)
         near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
         for end, sign in ((low, -1.0), (high, 1.0)):
-            at = np.where(np.isfinite(end), end, near + sign * _FAR * (1.0 + np.abs(near)))
+            at = np.where(np.isfinite(end), end, near + sign * ENDLESS * (1.0 + np.abs(near)))
             level = (law.piece_curvature(piece, at) <= 0.0) & (law.piece_derivative(piece, at) != 0.0)
             if np.any(level & (low < high)):
                 return False

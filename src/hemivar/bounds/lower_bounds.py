@@ -52,7 +52,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.arguments import whole_number
-from hemivar.basics.arrays import ROUNDED
+from hemivar.basics.arrays import NULL, ROUNDED
 from hemivar.basics.types import Array, IntArray
 from hemivar.bounds.bare_body import (
     PART,
@@ -85,8 +85,6 @@ __all__ = ["LowerBound", "LowerBounds", "TraceFlexibility", "TraceRange", "lower
 _MODES = {2: 6, 3: 24}
 #: Loads on the contact boundary up to which all of them are answered at once, and all eigenvalues are found.
 _DENSE, _DIRECT = 2500, 600
-#: Part of the largest energy below which displacements are not told apart.
-_DEPENDENT = 1e-10
 #: Part of a trace that is rounding where supports hold it.
 _HELD = 1e-11
 
@@ -215,7 +213,7 @@ class TraceFlexibility:
         beyond = np.repeat(D[:, None], self._beyond, axis=1).ravel()
         A0 = u.T @ forces
         sizes, axes = la.eigh(0.5 * (A0 + A0.T))
-        some = sizes > _DEPENDENT * sizes[-1]  # loads may be more than what displacements of the mesh tell apart
+        some = sizes > NULL * sizes[-1]  # loads may be more than what displacements of the mesh tell apart
         axes = axes[:, some] / np.sqrt(sizes[some])
         values, change = la.eigh(axes.T @ (_weighted(linear, weight) + _weighted(rest, beyond)) @ axes)
         values, change = values[::-1], (axes @ change)[:, ::-1]

@@ -54,6 +54,7 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import VectorLaw
+from hemivar.linear.definite import FEW
 from hemivar.linear.factorisation import Factorisation, factorise
 from hemivar.mechanics.conditions import DataField, ScalarData, VectorData
 from hemivar.mechanics.foundation import Contact, Side
@@ -62,8 +63,6 @@ from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["scalar_distance", "scalar_trace_bound"]
 
-#: Unknowns up to which all eigenvalues are computed.
-_DENSE = 40
 #: Cells from which a mesh serves for the constants of a body.
 _FINE = 2_000
 
@@ -189,7 +188,7 @@ class _Means:
     def _top(self, mass: sp.csr_array) -> float:
         """The largest eigenvalue of a mass against K, raised by its residual."""
         K, n = sp.csr_array(self.stiffness[self.free][:, self.free]), mass.shape[0]
-        if n <= _DENSE:
+        if n <= FEW:
             return float(la.eigh(mass.toarray(), K.toarray(), eigvals_only=True)[-1])
 
         def solve(x: Array) -> Array:

@@ -28,6 +28,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import StateBound, VectorLaw
 from hemivar.laws.coupled import bounded
+from hemivar.linear.definite import REPEATED
 from hemivar.linear.products import portions
 
 __all__ = [
@@ -47,8 +48,6 @@ __all__ = [
 _POOR = (1e-10, 1e-7)
 #: Contact components times unknowns of a small problem.
 _SMALL = 2_000_000
-#: No search with more contact components than this, for it works with dense matrices.
-_SEARCHABLE = 1500
 _SEARCH_STEPS = 60
 #: Operations between a strain and the stress of a material that is not linear.
 OPERATIONS = 32
@@ -211,7 +210,7 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
         if best <= poor * scale and not point.energy.factorised:
             break
     linear = isinstance(problem.bulk, Quadratic)
-    if best > poor * scale and linear and 0 < rows <= _SEARCHABLE and point.energy.factorised:
+    if best > poor * scale and linear and 0 < rows <= REPEATED and point.energy.factorised:
         best = min(best, _search(point, margin, best, ceiling))
     return best
 

@@ -14,7 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.certificates.by_multigrid import DENSE, Mode, SolveByMultigrid, start_vector
 from hemivar.certificates.linear_bodies import below
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.linear.definite import indefinite, positive_pivots, rounding
+from hemivar.linear.definite import EIGENVALUE, indefinite, positive_pivots, rounding
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.free_unknowns import free_unknowns
 from hemivar.systems.workspace import Workspace
@@ -23,8 +23,6 @@ __all__ = ["FACTORISED", "EnergyNorm", "Factorised", "Solve", "energy_norm", "fa
 
 #: Unknowns up to which K is factorised, in two dimensions and in three: a moment's work.
 FACTORISED = (30_000, 6_000)
-#: Relative accuracy asked of an eigenvalue; what is returned is raised by as much.
-_EIGEN_TOLERANCE = 1e-8
 
 
 class Solve(Protocol):
@@ -156,9 +154,9 @@ class Factorised:
             (count, count), matvec=lambda x: part @ self.solve(part.T @ x.ravel()), dtype=float
         )
         top = spla.eigsh(
-            operator, k=1, which="LA", tol=_EIGEN_TOLERANCE, v0=start_vector(count), ncv=12, return_eigenvectors=False
+            operator, k=1, which="LA", tol=EIGENVALUE, v0=start_vector(count), ncv=12, return_eigenvectors=False
         )[0]
-        return Mode(float(top), float(top * (1.0 + _EIGEN_TOLERANCE)))
+        return Mode(float(top), float(top * (1.0 + EIGENVALUE)))
 
 
 class EnergyNorm:

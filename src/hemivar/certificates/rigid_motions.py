@@ -30,8 +30,6 @@ from hemivar.systems.free_unknowns import free_unknowns
 
 __all__ = ["motion_left"]
 
-#: The same in tolerances of the pair.
-_SAFE = 10.0
 #: Curvature of a law that bars the way, over the stiffness that the body has at the contact point.
 _CURVED = 1e-7
 #: The same for friction: slips many times larger than what it does to the body have a direction that is not known well.
@@ -53,7 +51,7 @@ def motion_left(point: Point, tolerance: float) -> str | None:
         return None
     m, d = problem.contact_points, problem.contact.components
     local = np.asarray(problem.contact.trace @ free).reshape(m, d, free.shape[1])
-    near = max(COUNTS, _SAFE * tolerance)
+    near = max(COUNTS, 10.0 * tolerance)
     slack = max(near, geometric_slack(problem.contact.points, problem.contact.weights))
     barred = _barred(point, near) if m else []
     for group in problem.model.free_motions.groups:

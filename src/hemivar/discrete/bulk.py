@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.arrays import norm, real_matrix
+from hemivar.basics.arrays import NULL, norm, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
@@ -20,7 +20,6 @@ from hemivar.mesh.keys import PORTION
 
 __all__ = ["FEW_ZEROS", "Bulk", "Quadratic", "Sized", "without_zeros"]
 
-_SYMMETRY_TOLERANCE = 1e-10
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
 _LEAST_WORK = 1e-270
 #: Part of the stored entries of a matrix that are none of them zeros, above which zeros are left where they are.
@@ -227,7 +226,7 @@ def _check_symmetry(stiffness: sp.csr_array) -> None:
         return
     skew = stiffness - stiffness.T
     largest = float(np.max(np.abs(skew.data), initial=0.0))
-    if largest > _SYMMETRY_TOLERANCE * float(np.max(np.abs(stiffness.data))):
+    if largest > NULL * float(np.max(np.abs(stiffness.data))):
         raise ProblemError(
             f"stiffness is not symmetric: max |K - K'| = {largest:.3g}; pass (K + K') / 2 if this is round-off"
         )

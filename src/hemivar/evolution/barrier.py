@@ -23,8 +23,6 @@ __all__ = ["PARTS", "along", "bends_downwards", "path_bends_downwards", "second_
 PARTS = 70
 #: Contact points that are looked at together: each has PARTS second derivatives, of 9 numbers in space.
 _BLOCK = CACHED // 512
-#: Parts of the way that are none.
-_NONE = 1e-14
 
 
 def path_bends_downwards(problem: DiscreteProblem, solution: Solution, start: Array | None = None) -> bool:
@@ -77,7 +75,7 @@ def second_derivatives(
     change = [np.diff(one, axis=1, prepend=0.0, append=0.0).ravel() for one in (body[None, :], bends)]
     at = np.concatenate([even, places.ravel()])
     order = np.argsort(at, kind="stable")
-    summed = np.cumsum(np.concatenate(change)[order])[:-1][np.diff(at[order]) > _NONE]
+    summed = np.cumsum(np.concatenate(change)[order])[:-1][np.diff(at[order]) > ROUNDED]
     size = float(np.abs(body).max() + np.abs(bends).max(axis=1).sum())
     return np.where(drops, -np.inf, summed), size
 

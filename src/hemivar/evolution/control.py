@@ -39,7 +39,7 @@ from hemivar.evolution.stage import Stage, discrete_stage, stage_state
 from hemivar.evolution.state import LoadControl, TimeState
 from hemivar.evolution.step_end import SolvedStage, with_products
 from hemivar.evolution.step_laws import stage_law
-from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.evolution.stepper import AHEAD, StepResult, TimeStepper
 from hemivar.evolution.steps import FixedStep, StepSizeController
 from hemivar.solvers import Solution, Status
 from hemivar.solvers.newton import NonsmoothNewton
@@ -56,8 +56,6 @@ _ROUNDS = 15
 _STILL = 1e-7
 #: Weight of the law of a component that a support holds.
 _HELD = 1e-12
-#: How far a step goes beyond where the last one leads, at most. The tests of this control pass with 2 and with 10.
-_AHEAD = 4.0
 #: By how much the load factor may fall in a step, in units of its length, and how often a step is cut for that.
 _FALLS, _CUTS = 1.1, 4
 #: How far pairs are taken outward for a guess. With two of them steps no longer lead over every peak of the tests.
@@ -493,7 +491,7 @@ class ControlledStepper(TimeStepper):
     def _pair(self, frozen: _FrozenStep, known: LoadControl, before: TimeState, step: float) -> _Pair | None:
         """The next equilibrium."""
         increment = known.slid, known.pressed, known.moved
-        on = frozen.ahead(increment, min(step / known.step, _AHEAD) if known.step else 0.0)
+        on = frozen.ahead(increment, min(step / known.step, AHEAD) if known.step else 0.0)
         if self.control.opening is not None:
             return self._opening(frozen, on if known.step else None, step, self.control.opening)
         goal = known.pace * step
@@ -546,7 +544,7 @@ class ControlledStepper(TimeStepper):
         """
         pair = None
         for _ in range(_CUTS):
-            guesses = [] if increment is None else [frozen.ahead(increment, min(goal / spent, _AHEAD))]
+            guesses = [] if increment is None else [frozen.ahead(increment, min(goal / spent, AHEAD))]
             border, guesses = frozen.dissipation(goal), [*guesses, *frozen.guesses[1:]]
             pair = next(filter(None, (frozen.solved(guess, border) for guess in guesses)), None)
             fall = 0.0 if pair is None else frozen.start.factor - pair.factor

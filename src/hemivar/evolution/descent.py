@@ -18,6 +18,7 @@ from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import StepMatrices
 from hemivar.laws import VectorLaw
+from hemivar.linear.definite import REPEATED
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import finish
@@ -30,7 +31,6 @@ from hemivar.systems.workspace import Workspace
 __all__ = [
     "AWAY",
     "FLOW_STEPS",
-    "LARGEST",
     "TIGHT",
     "DescentSolver",
     "Slowed",
@@ -44,8 +44,6 @@ __all__ = [
 _LEAST = 0.05
 #: Steps of a jump at most.
 FLOW_STEPS = 2000
-#: Components of contact points up to which the graph of the law is laid out: every step on it is a dense solve.
-LARGEST = 1500
 #: Rounding of a point on a segment, as a part of a typical displacement, and of the solution of Newton's equation on
 #: pieces of laws, as one of the load: a thousand operations, each exact to 1.1e-16.
 _ROUNDING = 1e-13
@@ -212,7 +210,7 @@ def gradient_flow(
         known = dependent or not problem.law.splits or problem.contact.components > 2
         if chain is None and not known and by.workspace.condenses(slow):
             system = by.workspace.condensed(problem)
-            chain = chain_of(system) if system.free.size <= LARGEST else None
+            chain = chain_of(system) if system.free.size <= REPEATED else None
         if chain is not None:
             theta, segment = chain.nearest(solution.local, solution.multiplier)
             if last is not None and np.array_equal(segment, last):

@@ -34,8 +34,6 @@ MOTION = ("displacement", "velocity", "acceleration")
 RATES = ("velocity", "acceleration")
 #: Number of the format of checkpoints: raised where their keys, the names of fields, change.
 _FORMAT = 10
-#: Bytes of the largest checkpoint that is read: 64 GiB, as much as fits into the memory of a large machine.
-_LARGEST = 1 << 36
 _ARRAY = "array "
 #: Numbers of a row beside the values of the columns, in their order.
 _OF_ROWS = ("time", "step", "solver_steps", "residual", "margin", "largest_step", "jumped")
@@ -109,7 +107,7 @@ class Checkpoint:
         """
         if not self.file.exists():
             return None
-        return self.unpack(disk.read_bytes(self.file, "checkpoint", _LARGEST), identity)
+        return self.unpack(disk.read_bytes(self.file, "checkpoint", 64 * 2**30), identity)
 
     def unpack(self, data: bytes, identity: str) -> MarchState:
         """The march that was packed.

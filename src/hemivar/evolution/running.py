@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.basics.arrays import COUNTS, LARGEST, ROUNDED
+from hemivar.basics.arrays import COUNTS, LARGEST, ROUNDED, SAME
 from hemivar.basics.deadline import OutOfTime, check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
@@ -55,8 +55,6 @@ _SUMMED = ("error_sum", "contact_error_sum")
 #: Ends of a solve that are none of the step.
 _BROKEN = "broken"
 _OUTSIDE = (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
-#: How near to a stop what acts is looked at for jumps, as a part of the time before it or of the first step.
-_BESIDE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +127,8 @@ class TimeLoop:
                 f"the step is {step:g}, whose square is beyond the range of numbers; state times in another unit"
             )
         self.probes = tools.probes(discrete, plan.save.probes)
-        stops = {self.start: _BESIDE * step} | {
-            stop: _BESIDE * (stop - self.start) for stop in plan.stops if stop > self.start
+        stops = {self.start: SAME * step} | {
+            stop: SAME * (stop - self.start) for stop in plan.stops if stop > self.start
         }
         self.stops = frozenset(stops)
         method, controlled = method_for(plan.method, discrete.problem), isinstance(plan.control, Control)

@@ -38,9 +38,6 @@ __all__ = [
     "probed",
 ]
 
-#: Multiples of the time between frames that are counted; beyond them every step is a frame.
-_MOST_MULTIPLES = 2.0**53
-
 
 def contact_forces(discrete: DiscreteEvolution, state: TimeState) -> dict[str, float]:
     """Forces and measures of contact, over all and by boundary.
@@ -154,8 +151,9 @@ class Frames:
             self._count += 1
         else:
             behind = (state.time - self._start) / every + 1e-9
-            passed = math.floor(min(behind, _MOST_MULTIPLES))  # multiples that are behind
-            due = passed >= self._count or behind >= _MOST_MULTIPLES
+            most = 2.0**53  # beyond it whole numbers are not all floats, and every step is a frame
+            passed = math.floor(min(behind, most))  # multiples that are behind
+            due = passed >= self._count or behind >= most
             self._count = max(self._count, passed + 1)
         if not (due or last):
             return None

@@ -30,13 +30,14 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError, ProblemError
 from hemivar.evolution.barrier import path_bends_downwards
-from hemivar.evolution.descent import LARGEST, TIGHT, DescentSolver, Slowed, bottom, gradient_flow, slowed
+from hemivar.evolution.descent import TIGHT, DescentSolver, Slowed, bottom, gradient_flow, slowed
 from hemivar.evolution.discrete import DiscreteEvolution, StepMatrices
 from hemivar.evolution.jumps import DissipatedJump, SelectionRule
 from hemivar.evolution.stage import Stage, StageState, extrapolated_multiplier, out_of_balance_force, stage_state
 from hemivar.evolution.walk import Walk
 from hemivar.fem.load_line import LoadLine
 from hemivar.laws import VectorLaw
+from hemivar.linear.definite import REPEATED
 from hemivar.solvers import (
     Controls,
     NonsmoothMultigrid,
@@ -99,9 +100,9 @@ class JumpPaths:
         """The solution of a stage, at the end of the path from the state before it."""
         problem, before = stage.problem, stage.before
         system = self.workspace.condensed(problem)
-        if system.free.size > LARGEST:
+        if system.free.size > REPEATED:
             raise MethodError(
-                f"jump = '{jump}' follows paths of equilibria, for up to {LARGEST} unknowns of contact points; here "
+                f"jump = '{jump}' follows paths of equilibria, for up to {REPEATED} unknowns of contact points; here "
                 f"are {system.free.size}; take jump = 'local'"
             )
         chain: Chain = chain_of(system)

@@ -46,7 +46,7 @@ _ROUNDS = 60
 #: Part of slips and multipliers that a round may still change where the law stands.
 _STANDS = 1e-10
 #: How far beyond what was found a guess goes at most, in parts of the way from the last round to this one.
-_AHEAD = 4.0
+AHEAD = 4.0
 #: What is said where they do not settle.
 _UNSETTLED = (
     "the internal variables of the contact points and the solution of the step do not converge. Near the limit "
@@ -356,7 +356,7 @@ class _Round:
             float(less @ now), float(less @ less), float(now @ now), float(before @ before)
         ).tolist()
         share = along / square if left < was and square > 0.0 else 0.0
-        if not 0.0 < share <= _AHEAD:
+        if not 0.0 < share <= AHEAD:
             return self.slid, self.multiplier
         increment = self.slid - last.slid, self.multiplier - last.multiplier
         return self.slid + share * increment[0], self.multiplier + share * increment[1]

@@ -45,7 +45,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 from scipy.special import gammainc
 
-from hemivar.basics.arrays import SOLVED
+from hemivar.basics.arrays import NULL, SOLVED
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
 from hemivar.certificates.smallness import smallness
@@ -64,12 +64,8 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["TimeBound", "TimeError", "bound_in_time"]
 
 _SAMPLED = "the weak convexity of a law is known from samples only"
-#: Largest part beta of the convexity that errors fade by.
-_MOST = 1.0 - 1e-9
 #: Points of the rule of Gauss of degree 5 on a step, and their weights.
 _RULE = ((0.5 - math.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + math.sqrt(0.15), 5.0 / 18.0))
-#: A pivot of the viscosity that counts as none, against its diagonal.
-_FELT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -150,7 +146,7 @@ class TimeBound:
         beta = 0.0
         if self._fading > 0.0 and self.square > 0.0:
             least = math.sqrt(step**2 * 2.0 * elastic / (12.0 * self._fading * self.square))
-            beta = min(max(0.0, 1.0 - least), _MOST)
+            beta = min(max(0.0, 1.0 - least), 1.0 - SOLVED)
         rho = convexity * beta * self._fading * step
         own = max(2.0 * (fell - step * 2.0 * viscous) - q, 0.0)
         source = own * _moment(1, 2.0 * rho) + 0.5 * q / (1.0 - beta) * _moment(2, 2.0 * rho)
@@ -251,7 +247,7 @@ def _definite(C: sp.csr_array) -> SuperLU | None:
         factor = splu(C.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError:  # singular
         return None
-    return factor if positive_pivots(factor) and (factor.U.diagonal()[factor.perm_c] > _FELT * diagonal).all() else None
+    return factor if positive_pivots(factor) and (factor.U.diagonal()[factor.perm_c] > NULL * diagonal).all() else None
 
 
 def _fading(stated: ContactProblem | FormProblem) -> float:

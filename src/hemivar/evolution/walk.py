@@ -28,13 +28,6 @@ from hemivar.systems.newton_equation import Accuracy
 
 __all__ = ["Walk"]
 
-#: By how much the resistance is eased at most and at least, and how it grows. The tests pass with 4 and with 32 for
-#: the first.
-_EASED, _LEAST, _GROWS = 8.0, 1.3, 4.0
-#: Part of the tolerance of the whole that a step may miss.
-_MISSED = 0.1
-#: Bounds that are held one after another in a step, at most.
-_FROZEN = 4
 _DIRECT = Accuracy(0.0, 0.0, 1)
 #: What goes downhill where a bound is held, and to which tolerance.
 _SEARCH, _HELD = NonsmoothNewton().local_descent(), Controls(rtol=1e-6)
@@ -50,10 +43,19 @@ class Walk:
     #: The resistance with which each step has one solution.
     most: float
     controls: Controls
+    #: By how much the resistance is eased at most and at least, and how it grows. The tests pass with 4 and with 32 for
+    #: the first.
+    eases: float = 8.0
+    eases_at_least: float = 1.3
+    grows: float = 4.0
+    #: Part of the tolerance of the whole that a step may miss.
+    missed: float = 0.1
+    #: Bounds that are held one after another in a step, at most.
+    frozen: int = 4
 
     def down(self, r: Array, lam: Array) -> Solution | None:
         """The minimiser that is reached from a place near a pair (m, d); None where steps do not settle."""
-        resistance, wait, left, eased, ease = self.most / _EASED**2, 1, 1, 1.0, _EASED
+        resistance, wait, left, eased, ease = self.most / self.eases**2, 1, 1, 1.0, self.eases
         budget = Budget(self.controls.max_time)
         for _ in range(FLOW_STEPS):
             check_time()
@@ -68,9 +70,12 @@ class Walk:
                 left = wait = 2 * wait
             point = self._step(r, lam, resistance, eased == 1.0)
             if point is None:  # back to what the last step stood against; if that fails, beyond
-                resistance, ease = (eased if eased > 1.0 else _GROWS) * resistance, max(math.sqrt(ease), _LEAST)
+                resistance, ease = (
+                    (eased if eased > 1.0 else self.grows) * resistance,
+                    max(math.sqrt(ease), self.eases_at_least),
+                )
                 eased = 1.0
-                if resistance > _GROWS * self.most:
+                if resistance > self.grows * self.most:
                     return None
                 continue
             before, r, lam = r, point.x, point.on.multiplier
@@ -80,7 +85,7 @@ class Walk:
             if self._falls_for_ever(point, r - before):
                 return self._solution(r, self._multiplier(point), Status.NOT_CARRIED)
             left = 1 if off <= allowed else left
-            ease = min(ease**2, _EASED) if eased > 1.0 else ease
+            ease = min(ease**2, self.eases) if eased > 1.0 else ease
             resistance, eased = resistance / ease, ease
         return None
 
@@ -113,13 +118,13 @@ class Walk:
             point = None if change is None or equation is None else equation.at(*change[:2])
             if point is None or equation is None or not math.isfinite(missed := norm(equation.missed(point))):
                 return None
-            if missed <= _MISSED * self._tolerance(point.on.multiplier):
+            if missed <= self.missed * self._tolerance(point.on.multiplier):
                 return point
         return None
 
     def _frozen_first(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
         """The same where the sets of a bound that follows the state go round: from where the bound, held, leads."""
-        for _ in range(_FROZEN):
+        for _ in range(self.frozen):
             frozen = system.with_law(system.law.frozen(r, lam))
             begin, budget = State(r, frozen.multiplier(r)), Budget(self.controls.max_time)
             state, status, _ = iterate(_SEARCH, frozen, begin, _HELD, budget)

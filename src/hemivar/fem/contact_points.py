@@ -17,6 +17,7 @@ from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.bulge import arcs_of_pair, bulge
 from hemivar.fem.contact_basis import contact_weights, seen_gap, seen_values
 from hemivar.fem.mortar import Mortar, mortar
+from hemivar.fem.mortar_basis import OWN
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
@@ -46,8 +47,6 @@ __all__ = [
 #: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the size of the mesh or the
 #: largest value; and what that of coordinates makes of it.
 _ROUNDED, _EPSILONS = 1e-12, 8.0 * np.finfo(float).eps
-#: Share of the master's displacements in a jump from which they count where supports hold the slave.
-_SEEN = 1e-2
 #: Degrees between facets that a projection can bear.
 _TURNED = 30.0
 
@@ -285,7 +284,7 @@ def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
     if min(seen.shape):
         _, corner, order = la.qr(seen.toarray().T, mode="economic", pivoting=True)
         size = np.abs(np.diagonal(corner))
-        independent[order[: size.size][size > _SEEN]] = True
+        independent[order[: size.size][size > OWN]] = True
     return independent
 
 

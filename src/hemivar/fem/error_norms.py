@@ -19,9 +19,6 @@ from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["ErrorNorms", "KnownField", "energy_density", "error_norms"]
 
-#: By how much the degree of the quadrature is higher where formulas are integrated.
-_HIGHER = 4
-
 
 @dataclass(frozen=True)
 class KnownField:
@@ -76,7 +73,7 @@ def error_norms(problem: ContactProblem, values: Array, known: KnownField | None
     slopes, corners, masks = barycentric_gradients(mesh), mesh.points[mesh.cells], region_masks(mesh)
     nodal = values[mesh.cell_nodes(order)]
     energy = square = 0.0
-    rule = quadrature_rule(mesh.dim, 2 * order + (0 if known is None else _HIGHER))
+    rule = quadrature_rule(mesh.dim, 2 * order + (0 if known is None else 4))
     for point, weight in zip(*rule, strict=True):
         places = np.einsum("k,mkd->md", point, corners)
         gradient = np.einsum("mlc,la,mad->mcd", nodal, shape_derivatives(order, point), slopes, optimize=True)

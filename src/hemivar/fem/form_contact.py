@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import skfem
 
 from hemivar.basics.arguments import UNFIT, shortened
-from hemivar.basics.arrays import SAME, real_array
+from hemivar.basics.arrays import COUNTS, SAME, real_array
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
@@ -48,8 +48,6 @@ _MIDDLE = {
     "tet": ([[0.25, 0.25, 0.25]], [1 / 6]),
     "hex": ([[0.5, 0.5, 0.5]], [1.0]),
 }
-#: Share of the largest square of a displacement that counts as none: the square of 1e-6, and so above its rounding.
-_HELD = 1e-12
 #: Sizes of the combinations of basis functions of which a trace must be the combination of traces.
 _COMBINED = (0.0, 1.0, -1e3)
 
@@ -170,7 +168,7 @@ class Rows:
         moved = [sp.csr_array(self.rows[k :: self.components][:, free]) for k in range(self.components)]
         gram = np.array([[np.asarray(one.multiply(other).sum(axis=1)).ravel() for other in moved] for one in moved])
         sizes, vectors = np.linalg.eigh(gram.transpose(2, 0, 1))
-        fixed = sizes <= _HELD * sizes.max()
+        fixed = sizes <= COUNTS**2 * sizes.max()
         directions = vectors.transpose(0, 2, 1) * fixed[:, :, None]
         return np.where(directions[:, :, :1] + 0.6 * directions[:, :, 1:2] < 0.0, -directions, directions), fixed.sum(
             axis=1

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 import skfem
 
 from hemivar.basics.arguments import UNFIT, answer, described, expect, number, quoted, shortened, suggest
-from hemivar.basics.arrays import SAME, real_array, real_matrix
+from hemivar.basics.arrays import NULL, SAME, real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -29,7 +29,7 @@ from hemivar.fem.contact_points import join
 from hemivar.fem.discretize import friction_warning
 from hemivar.fem.form_contact import Rows, Touching, TraceOf, nearness, rows_on, share_nodes
 from hemivar.fem.form_field import ScikitFem, form_field, nearest_nodes, rows_of
-from hemivar.fem.mixed_bulk import NULL, MixedBulk, refuse_skew
+from hemivar.fem.mixed_bulk import MixedBulk, refuse_skew
 from hemivar.fem.supports import in_words
 from hemivar.laws import VectorLaw
 from hemivar.mechanics.foundation import Contact

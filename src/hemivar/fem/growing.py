@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from hemivar.basics.arrays import COUNTS
 from hemivar.discrete.free_motion import refuse_free_motion
 from hemivar.errors import SupportError
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
@@ -12,9 +13,6 @@ from hemivar.fem.load_line import LoadLine
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["growing"]
-
-#: Part of a load that a body must carry to be held at all.
-_SMALL = 1e-6
 
 
 def growing(problem: ProblemLike, function: str, constant: Collection[str] = ()) -> LoadLine:
@@ -25,5 +23,5 @@ def growing(problem: ProblemLike, function: str, constant: Collection[str] = ())
         return LoadLine.to(as_discrete(problem, function), constant)
     except SupportError:
         line = LoadLine.to(discretize(problem, check_coercivity=False), constant)
-        refuse_free_motion(line.at(_SMALL))
+        refuse_free_motion(line.at(COUNTS))
         return line

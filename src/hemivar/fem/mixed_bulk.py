@@ -8,15 +8,14 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from hemivar.basics.arrays import NULL
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.errors import ProblemError
 
-__all__ = ["NULL", "MixedBulk", "refuse_skew"]
+__all__ = ["MixedBulk", "refuse_skew"]
 
-#: Share of the largest eigenvalue, or of scaled entries, that counts as none.
-NULL = 1e-10
 
 #: Size of a solution, relative to the load and the matrix, from which the matrix is singular up to rounding.
 _SINGULAR = 1e13

@@ -17,11 +17,12 @@ from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.contact_basis import contact_shapes, contact_weights, lagrange_moments
 from hemivar.fem.elements import shape_values
-from hemivar.fem.pairing import COVERED, Pairing
+from hemivar.fem.pairing import Pairing
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.supports import sum_by
 from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.refine import COVERED
 
 __all__ = ["Mortar", "mortar"]
 

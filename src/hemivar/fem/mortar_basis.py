@@ -17,10 +17,10 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 
-__all__ = ["JumpUnknowns", "jump_unknowns"]
+__all__ = ["OWN", "JumpUnknowns", "jump_unknowns"]
 
 #: Share of a node of the slave in the jump there from which the jump comes in its place.
-_OWN = 1e-2
+OWN = 1e-2
 #: Bodies in a chain, each the slave of the next one, up to which jumps are followed.
 _CHAIN = 64
 #: How often jumps look for an unknown that no other jump has taken in the meantime.
@@ -158,7 +158,7 @@ def _elsewhere(pivot: IntArray, trace: sp.csr_array, elsewhere: BoolArray, node:
     Two rows may see a node along one direction: then different unknowns of it are no pivots of both.
     """
     entries, out = trace.tocoo(), pivot.copy()
-    left = elsewhere & (np.abs(entries.data) > _OWN)
+    left = elsewhere & (np.abs(entries.data) > OWN)
     for _ in range(_TRIES):
         left &= (out[entries.row] < 0) & ~np.isin(entries.col, out)
         entry = np.flatnonzero(left)
@@ -179,7 +179,7 @@ def _independent(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> IntArr
     rows = np.flatnonzero(pivot >= 0)
     at = node[pivot[rows]]
     blocks, block, _ = _blocks(sp.csr_array(trace[rows][:, pivot[rows]]), at)
-    return np.asarray(at[np.linalg.svd(blocks, compute_uv=False)[block, -1] > _OWN**2])
+    return np.asarray(at[np.linalg.svd(blocks, compute_uv=False)[block, -1] > OWN**2])
 
 
 def _picked(rest: Array) -> IntArray:
@@ -189,7 +189,7 @@ def _picked(rest: Array) -> IntArray:
         row = rest[:, r]
         pick = np.argmax(np.abs(row), axis=1)
         value = row[every, pick]
-        good = np.abs(value) > _OWN
+        good = np.abs(value) > OWN
         picked[good, r] = pick[good]
         factor = rest[every, :, pick] * (good / np.where(good, value, 1.0))[:, None]
         rest = rest - factor[:, :, None] * row[:, None, :]

@@ -21,18 +21,15 @@ from hemivar.fem.facet_tree import FacetTree
 from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.refine import COVERED
 
-__all__ = ["COVERED", "Pairing", "paired"]
+__all__ = ["Pairing", "paired"]
 
 #: Cosines of the angle of two normals: above the first facets do not face each other, below the second they are seen
 #: edge on and hide nothing.
 _FACING, _EDGE_ON = -0.2, 1e-6
-#: Share of a facet, or of a weight, from which it counts: far above rounding, in space a thousandth of its width.
-COVERED = 1e-6
 #: Cosine of the angle of two facets from which a corner is sharp.
 _SHARP = np.cos(np.radians(40.0))
-#: Distance of two places that are one, of the width of a facet.
-_ONE_PLACE = 1e-6
 #: Weights of corners in a place within a polygon that no edge of a regular mesh goes through.
 _WITHIN = (1.0, 0.8137, 0.6311)
 
@@ -169,7 +166,7 @@ def paired(mesh: Mesh, sides: tuple[BoundaryRule, BoundaryRule], names: str) -> 
     """
     slave, master, normal = sides[0].facets, sides[1].facets, sides[0].normals
     rounding = 8.0 * np.finfo(float).eps * float(np.abs(mesh.points).max())
-    view = _View(mesh.points, slave, normal, _ONE_PLACE * sides[0].widths + rounding)
+    view = _View(mesh.points, slave, normal, COVERED * sides[0].widths + rounding)
     first, second = view.columns(FacetTree(mesh.points[master]), np.arange(len(slave)))
     facing = np.einsum("pd,pd->p", normal[first], sides[1].normals[second]) < _FACING
     first, second = first[facing], second[facing]

@@ -15,6 +15,7 @@ from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
 __all__ = [
+    "ENDLESS",
     "is_continuous",
     "is_straight",
     "local_minimiser",
@@ -26,12 +27,12 @@ __all__ = [
     "straightness",
 ]
 
-#: Parts of a way at which a law is looked at.
-_SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
-
 #: How far out, in units of the knots, an endless piece is looked at: any value from 10 to 1e6 gives the same answers in
 #: tests/laws/transformed and of charts.
-_FAR = 1e3
+ENDLESS = 1e3
+
+#: Parts of a way at which a law is looked at.
+_SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
 
 
 def is_continuous(law: Superpotential) -> bool:
@@ -55,7 +56,7 @@ def straightness(law: Superpotential, piece: IntArray) -> tuple[Array, BoolArray
     size = np.where(np.isfinite(high), -1.0, 1.0) * (1.0 + np.abs(near))
     with np.errstate(all="ignore"):
         width = np.where(np.isfinite(high - low), high - low, size)
-        end = np.where(np.isfinite(high - low), high, near + _FAR * size)
+        end = np.where(np.isfinite(high - low), high, near + ENDLESS * size)
         places = (near, near + 0.41 * width, end)
         curvatures = np.array([np.broadcast_to(law.piece_curvature(piece, at), piece.shape) for at in places])
         return curvatures[1], np.asarray(np.ptp(curvatures, axis=0) <= 1e-13 * np.abs(curvatures).max(axis=0))

@@ -12,10 +12,13 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.linear.levels import COARSEST
 from hemivar.linear.products import portions, product
 
 __all__ = [
-    "DENSE",
+    "EIGENVALUE",
+    "FEW",
+    "REPEATED",
     "below_zero",
     "indefinite",
     "lowest_quotient",
@@ -26,8 +29,12 @@ __all__ = [
     "rounding",
 ]
 
-#: Unknowns up to which all eigenvalues are computed: as many as levels have where they are solved densely.
-DENSE = 400
+#: Rows up to which the eigenvalue that is sought is taken from all, for Lanczos' method takes as long.
+FEW = 40
+#: Rows up to which every step of an iteration may solve with a dense matrix.
+REPEATED = 1500
+#: Relative accuracy of an eigenvalue; a bound is raised by as much.
+EIGENVALUE = 1e-8
 #: What rounding in the entries may amount to, in units of the last place of the largest row.
 _ULPS = 64.0
 
@@ -54,7 +61,7 @@ def lowest_quotient(matrix: sp.csr_array, steps: int = 40) -> float:
     n = root.size
     if n == 0:
         return 1.0
-    if n <= DENSE:
+    if n <= COARSEST:
         _, vectors = np.linalg.eigh(matrix.toarray() / np.outer(root, root))
         return quotient(matrix, vectors[:, 0] / root, diagonal)
     scaled = spla.LinearOperator((n, n), matvec=lambda x: (matrix @ (x.ravel() / root)) / root, dtype=float)
@@ -108,7 +115,7 @@ def indefinite(matrix: sp.csr_array) -> float | None:
     diagonal = matrix.diagonal()
     root = np.sqrt(diagonal)
     n = root.size
-    if n <= DENSE:
+    if n <= COARSEST:
         lowest = lowest_quotient(matrix)
         return lowest if lowest < -guard else None
     shifted = sp.csc_array(matrix + sp.diags_array(guard * diagonal))

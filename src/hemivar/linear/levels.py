@@ -18,6 +18,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from hemivar.basics.arrays import NULL
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.kernels import kernels as compiled_kernels
@@ -32,8 +33,6 @@ __all__ = ["COARSEST", "LevelMatrix", "Levels", "Preconditioner", "Transfer", "T
 #: the same cycles on small bodies, and twice as many a tenth less, for bodies of so many need no other level.
 COARSEST = 400
 
-#: Part of the largest eigenvalue of a scaled matrix below which it is singular: half the digits of one that is summed.
-_PIVOT = 1e-10
 #: How many times stiffer than the body a law makes a contact unknown before its points are smoothed beforehand.
 _STIFF = 2.0
 #: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
@@ -42,9 +41,6 @@ _MOSTLY = 0.3
 #: Cycles after a change from which on algebraic levels follow it; and where at most this part of what is held is new.
 #: Half and twice of each cost the same cycles to 4 % on small bodies; to follow costs 3 (pairs) to 16 (bolted plates).
 _LATE, _LATER, _NEW = 4, 12, 0.1
-#: Part of a residual that a cycle in single precision may leave, and how often more than that before it is given up.
-#: Bodies from Gmsh leave 0.3 to 0.55 without contact; half and twice cost the same cycles to 4 % on small bodies.
-_SLOW, _PATIENCE = 0.8, 2
 
 
 class Levels:
@@ -512,6 +508,10 @@ class Preconditioner:
     Where residuals fall too slowly twice in turn, the rest of the cycles is computed in double precision.
     """
 
+    #: Part of a residual that a cycle in single precision may leave, and how often more before it is given up. Bodies
+    #: from Gmsh leave 0.3 to 0.55 without contact; half and twice cost the same cycles to 4 % on small bodies.
+    slow, patience = 0.8, 2
+
     def __init__(self, truncated: Truncated, k: int) -> None:
         self._truncated, self._k = truncated, k
         self._before, self._slow = np.inf, 0
@@ -521,15 +521,15 @@ class Preconditioner:
     def __call__(self, right: Array) -> Array:
         if not self.flexible:
             return self._truncated.cycle(self._k, right)
-        if self._slow < _PATIENCE:
+        if self._slow < self.patience:
             size = float(np.linalg.norm(right))
-            self._slow = self._slow + 1 if size > _SLOW * self._before else 0
+            self._slow = self._slow + 1 if size > self.slow * self._before else 0
             self._before = size
-        if self._slow < _PATIENCE:
+        if self._slow < self.patience:
             correction = self._truncated.fast_cycle(self._k, right)
             if 0.0 < float(right @ correction) < np.inf or not right.any():  # which nan is not
                 return correction
-            self._slow = _PATIENCE
+            self._slow = self.patience
         return self._truncated.cycle(self._k, right)
 
 
@@ -548,7 +548,7 @@ def _upper_root(matrix: Array) -> Array | None:
     if not diagonal.size:
         return scaled
     upper, failed = la.lapack.dpotrf(scaled.T, lower=0, overwrite_a=1)
-    if failed or not np.diagonal(upper).min() > np.sqrt(_PIVOT):
+    if failed or not np.diagonal(upper).min() > np.sqrt(NULL):
         return None
     inverse, _ = la.lapack.dtrtri(upper, lower=0, overwrite_c=1)
     inverse *= scale[:, None]
@@ -564,5 +564,5 @@ def _inverse_root(matrix: Array) -> Array:
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = scale[:, None] * (0.5 * (matrix + matrix.T)) * scale
     values, vectors = la.eigh(scaled, check_finite=False)
-    size = np.maximum(np.abs(values), _PIVOT * np.abs(values).max(initial=1.0))
+    size = np.maximum(np.abs(values), NULL * np.abs(values).max(initial=1.0))
     return np.asarray((scale[:, None] * vectors) / np.sqrt(size))

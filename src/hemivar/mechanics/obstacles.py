@@ -27,8 +27,6 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
 
-_UNIT = 1e-15  # by how much the square of a unit vector's length may differ from 1
-
 
 class Normals(StrEnum):
     """Whose normal is the contact normal where a body meets an obstacle."""
@@ -452,7 +450,7 @@ def _direction(value: object, dim: int, name: str) -> Array:
     given = _vector(value, name)
     if len(given) != dim:
         raise ProblemError(f"{name} has {len(given)} components but its point has {dim}; give equally many")
-    if abs(float(given @ given) - 1.0) <= _UNIT:  # a unit vector stays what it is, to the last digit
+    if abs(float(given @ given) - 1.0) <= 1e-15:  # a unit vector stays what it is, to the last digit
         return given
     array = given / max(float(np.abs(given).max()), 1e-300)
     size = float(np.linalg.norm(array))

@@ -21,10 +21,11 @@ from hemivar.mesh.kinds import red_tetrahedra
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Refinement", "check_refines", "halved"]
+__all__ = ["COVERED", "Refinement", "check_refines", "halved"]
 
-#: Part of a facet or cell that may be left uncovered.
-_COVERED = 1e-6
+#: Share of a facet, of a cell or of a weight, from which it counts: far above rounding, in space a thousandth of its
+#: width.
+COVERED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,7 @@ class Refinement(PickleMixin):
             whole = first.sum(axis=1) == dim
             kept[name] = np.unique(nodes[whole][first[whole]].reshape(-1, dim), axis=0)
             covered = facet_measures(points[self.ends[facets]].mean(axis=2)).sum()
-            if abs(covered - facet_measures(points[kept[name]]).sum()) > _COVERED * covered:
+            if abs(covered - facet_measures(points[kept[name]]).sum()) > COVERED * covered:
                 return None
         children = np.bincount(self.cells, minlength=self.mesh.number_of_cells)
         for name, ids in regions.items():
@@ -106,7 +107,7 @@ def check_refines(points: Array, cells: IntArray, parent: Refinement) -> None:
         )
     within = (parent.ends[cells][..., None] == coarse.cells[parent.cells][:, None, None]).any(axis=3).all(axis=(1, 2))
     filled = np.bincount(parent.cells, signed_volumes(points, cells), len(coarse.cells))
-    empty = np.abs(filled - coarse.volumes) > _COVERED * coarse.volumes
+    empty = np.abs(filled - coarse.volumes) > COVERED * coarse.volumes
     if not within.all() or empty.any():
         what = f"cell {np.argmin(within)} is not part of" if not within.all() else "its cells do not fill"
         bad = int(parent.cells[np.argmin(within)] if not within.all() else np.argmax(empty))

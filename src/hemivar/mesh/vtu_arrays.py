@@ -23,8 +23,6 @@ NUMBERS = {
     "Int8": "i1", "Int16": "i2", "Int32": "i4", "Int64": "i8", "UInt8": "u1", "UInt16": "u2", "UInt32": "u4",
     "UInt64": "u8", "Float32": "f4", "Float64": "f8",
 }  # fmt: skip
-#: Bytes that unpacking LZMA may take by itself; its strongest preset takes 65 MiB.
-_LZMA_BYTES = 128 * 2**20
 
 
 class Packing:
@@ -201,7 +199,7 @@ def _by_lzma(packed: memoryview, most: int) -> tuple[bytes, bool]:
     except ImportError:
         raise ProblemError("it is compressed by LZMA, which this Python lacks; save it with zlib") from None
     try:
-        opened = lzma.LZMADecompressor(memlimit=_LZMA_BYTES)
+        opened = lzma.LZMADecompressor(memlimit=128 * 2**20)  # its strongest preset takes 65 MiB
         return opened.decompress(packed, most), opened.eof
     except lzma.LZMAError:
         return b"", False

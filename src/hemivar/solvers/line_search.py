@@ -18,6 +18,7 @@ from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.laws.crossings import Crossings
+from hemivar.laws.scalar_graph import ENDLESS
 from hemivar.systems.contact_moves import Search
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import LinearisedPoint
@@ -36,8 +37,6 @@ _BESIDE = 1e-10
 _LOOKS = 100
 #: Part of the slope at the beginning that is none at a bottom.
 _LEVEL = 1e-3
-#: How far, in units of the way from zero, pieces are looked for.
-_FAR = 1e3
 #: How far, in units of the length that is asked for, the energy is said to fall without end.
 _ENDLESS = 2.0**50
 
@@ -220,7 +219,7 @@ class SearchLine:
         """A length that leads far beyond the knots, at least 1."""
         sizes = (np.abs(values).max(initial=0.0) for values in (self.at.r, self.along))
         far, largest = self.system.vectors.largest(*sizes).tolist()
-        return max(1.0, _FAR * (far or 1.0) / largest) if largest > 0.0 else 1.0
+        return max(1.0, ENDLESS * (far or 1.0) / largest) if largest > 0.0 else 1.0
 
     @cached_property
     def _first(self) -> float:

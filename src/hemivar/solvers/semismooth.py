@@ -37,8 +37,6 @@ __all__ = ["SemismoothNewton"]
 SEMISMOOTH_MULTIGRID = "semismooth-multigrid"
 #: Part of what is added up in F that is rounding.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
-#: Part of a step by which |F| must fall at least.
-_FALLS = 1e-4
 #: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
 #: Twice or half the first, and a hundred times or part of the second, cost up to a tenth more cycles on small bodies.
 _FIRST, _SETTLED = 0.1, 1e-3
@@ -393,7 +391,7 @@ class _Search:
         for halved in range(halvings):
             x = first + length * (end - first) if halved else end
             new = self.at(x, cycles, None if halved else self.equation.system.refreshed(x, force))
-            if new is not None and new.off < (1.0 - _FALLS * length) * point.off and self.tells(new):
+            if new is not None and new.off < (1.0 - 1e-4 * length) * point.off and self.tells(new):
                 return replace(new, part=_part(point, new))
             if not halved and new is not None and new.off > astray * point.off:
                 return None

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.arrays import COUNTS, real_array
+from hemivar.basics.arrays import COUNTS, SOLVED, real_array
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array
@@ -51,8 +51,6 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["default_method", "method_for", "solve", "solving", "suited"]
 
-#: What a state must have less energy, of all that is added up in it, to be called lower.
-_WORTH = 1e-9
 #: What is said of a residual above the tolerance that rounding explains.
 _ROUNDED = (
     "the residual is above the tolerance: {:.1e} against forces of {:.1e}, of which rounding of the answer may leave "
@@ -242,7 +240,7 @@ class _Task:
         law, r, force = system.law_at(x, solution.multiplier), system.local(x), system.out_of_balance(x)
         body = system.with_law(law) if problem.law.state_dependent else system
         size = float(np.abs(system.load) @ np.abs(x.ravel())) + float(system.weights @ np.abs(law.value(r)))
-        return best_component(body, r, system.at_contact(force))[1] < -_WORTH * size
+        return best_component(body, r, system.at_contact(force))[1] < -SOLVED * size
 
 
 def _run(

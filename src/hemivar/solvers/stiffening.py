@@ -21,8 +21,9 @@ from hemivar.discrete.residual import contact_compliance, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import geometric_stiffness, stressed_problem
-from hemivar.linear.definite import DENSE, indefinite, lowest_quotient, positive
+from hemivar.linear.definite import indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.levels import COARSEST
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.choice import affordable
 from hemivar.solvers.controls import Controls, Progress
@@ -391,7 +392,7 @@ def _factor(own: sp.csr_array, falls: sp.csr_array) -> float | None:
         import scipy.sparse.linalg as spla  # only here: most bodies start without it
 
     n = own.shape[0]
-    if n <= DENSE:
+    if n <= COARSEST:
         largest = float(la.eigh(falls.toarray(), own.toarray(), eigvals_only=True, subset_by_index=[n - 1, n - 1])[0])
         return 1.0 / largest if largest > 0.0 else None
     inverse = spla.LinearOperator(own.shape, matvec=spla.splu(sp.csc_array(own)).solve, dtype=float)

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from hemivar.basics.arrays import COUNTS
+from hemivar.basics.arrays import COUNTS, ROUNDED
 from hemivar.basics.types import Array
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State
@@ -20,8 +20,6 @@ from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEqu
 
 __all__ = ["NewtonMemory", "TruncatedNewton", "lower_energy"]
 
-#: What a move must lower the energy by at least, relative to its parts.
-_WORTH = 1e-12
 #: Part of the residual below which it has fallen in a step; how much closer Newton's equation is solved else, and most.
 #: Half and twice of each cost the same steps and cycles to 1 % on small bodies.
 _FALLS, _CLOSER, _CLOSEST = 0.9, 0.3, 1e-4
@@ -178,7 +176,7 @@ class TruncatedNewton(Solver):
             return None
         memory: NewtonMemory = state.memory
         r, pull = system.local(state.r), system.at_contact(memory.force)
-        threshold = -_WORTH * energy_scale(system, state.r, system.law.value(r))
+        threshold = -ROUNDED * energy_scale(system, state.r, system.law.value(r))
         if self.search is Search.GLOBAL:
             new, gained = best_component(system, r, pull)
         else:

@@ -17,18 +17,13 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.discrete.rigid_part import RigidPart
 from hemivar.errors import ProblemError
-from hemivar.linear.definite import below_zero, indefinite, quotient, refuse_indefinite
+from hemivar.linear.definite import EIGENVALUE, FEW, below_zero, indefinite, quotient, refuse_indefinite
 from hemivar.linear.factorisation import CondensedLoad, Factorisation, factorise
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_moves import majorant
 from hemivar.systems.free_unknowns import free_unknowns, refuse_unseen
 
 __all__ = ["Recovery", "SchurComplement"]
-
-#: Components up to which an eigenvalue is sought among all.
-_FEW = 40
-#: Part by which an eigenvalue is raised, for what is found may be a little below it.
-_RAISED = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,12 +193,12 @@ class SchurComplement:
         def product(x: Array) -> Array:
             return np.asarray(root * la.cho_solve(factor, root * x.ravel(), check_finite=False))
 
-        if n <= _FEW:
+        if n <= FEW:
             inverse = la.cho_solve(factor, np.eye(n), check_finite=False)
-            return (1.0 + _RAISED) * float(np.linalg.eigvalsh(root[:, None] * inverse * root)[-1]) if n else 0.0
+            return (1.0 + EIGENVALUE) * float(np.linalg.eigvalsh(root[:, None] * inverse * root)[-1]) if n else 0.0
         matrix = spla.LinearOperator((n, n), matvec=product, dtype=float)
         start = np.where(root > 0.0, 1.0 + np.cos(np.arange(n)), 0.0)
-        return (1.0 + _RAISED) * float(spla.eigsh(matrix, k=1, v0=start, tol=1e-12, return_eigenvectors=False)[0])
+        return (1.0 + EIGENVALUE) * float(spla.eigsh(matrix, k=1, v0=start, tol=1e-12, return_eigenvectors=False)[0])
 
     def under(self, problem: DiscreteProblem) -> tuple[Recovery, float]:
         """The load and the gap of a problem, taken over to the kept unknowns; and the elastic energy of the rest.
