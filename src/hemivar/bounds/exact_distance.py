@@ -54,11 +54,12 @@ from hemivar.bounds.hypotheses import (
 )
 from hemivar.bounds.joined_sides import joined_sides, touch
 from hemivar.bounds.low_mode import SoftModes, confined_error
+from hemivar.bounds.lower_bounds import ATTAINED
 from hemivar.bounds.oscillation import Oscillation, linear_square, oscillation
 from hemivar.bounds.patches import PatchKind
 from hemivar.bounds.sweeps import ContactPenalty, PatchSmoother
 from hemivar.bounds.touching_bodies import contact_moments, shared_anew, touching_bodies
-from hemivar.bounds.trace_bounds import ATTAINED, TraceBounds
+from hemivar.bounds.trace_bounds import TraceBounds
 from hemivar.bounds.vertex_moments import shared_on_contact
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.transfer import interpolate

@@ -79,8 +79,10 @@ from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_area
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["LowerBound", "LowerBounds", "TraceFlexibility", "TraceRange", "lower_bounds"]
+__all__ = ["ATTAINED", "LowerBound", "LowerBounds", "TraceFlexibility", "TraceRange", "lower_bounds"]
 
+#: Part to which eigenvalues of modes are asked for, and by which constants may contradict what displacements attain.
+ATTAINED = 1e-6
 #: Modes of the method of Lehmann, at most.
 _MODES = {2: 6, 3: 24}
 #: Loads on the contact boundary up to which all of them are answered at once, and all eigenvalues are found.
@@ -245,7 +247,7 @@ class TraceFlexibility:
 
         operator = spla.LinearOperator((len(root), len(root)), matvec=times, dtype=float)
         start = np.random.default_rng(0).normal(size=len(root))
-        values, vectors = spla.eigsh(operator, count, which="LA", v0=start, tol=1e-6)
+        values, vectors = spla.eigsh(operator, count, which="LA", v0=start, tol=ATTAINED)
         off = max(float(np.linalg.norm(times(v) - value * v)) for value, v in zip(values, vectors.T, strict=True))
         return np.asarray(values[::-1] + off), np.asarray(vectors[:, ::-1])
 

@@ -41,7 +41,7 @@ from hemivar.bounds.coarsening import LOSS
 from hemivar.bounds.facet_constants import equilibrated_blocks, mass_root
 from hemivar.bounds.facet_table import facet_table
 from hemivar.bounds.joined_sides import joined_sides, touch
-from hemivar.bounds.lower_bounds import LowerBounds, lower_bounds
+from hemivar.bounds.lower_bounds import ATTAINED, LowerBounds, lower_bounds
 from hemivar.bounds.oscillation import local_constants
 from hemivar.bounds.split_element import pulled_back
 from hemivar.certificates.norms import EnergyNorm, energy_norm
@@ -53,7 +53,6 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = [
-    "ATTAINED",
     "TraceBounds",
     "body_bound",
     "body_constants",
@@ -66,10 +65,6 @@ __all__ = [
 _CELLS = {2: 32, 3: 48}
 #: Cells beyond which a mesh of fewer is made, and beyond which the systems would be too large.
 _MANY, _MOST = {2: 2_000, 3: 400}, {2: 20_000, 3: 2_500}
-
-
-#: Part by which a constant, or c, may contradict what displacements attain: eigenvalues are good to that.
-ATTAINED = 1e-6
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,7 @@ __all__ = [
 _POOR = (1e-10, 1e-7)
 #: Contact components times unknowns of a small problem.
 _SMALL = 2_000_000
+#: Steps of that search: with half and twice as many tests/certificates find the same.
 _SEARCH_STEPS = 60
 #: Operations between a strain and the stress of a material that is not linear.
 OPERATIONS = 32
