@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.follower import Follower, Track, TrackPoint
 from hemivar.branches.path import PathEnd
@@ -24,8 +26,8 @@ def follow_minimisers(
         if not last.stable or point.t < track.points[-2].t:
             break
     good = 0
-    for (one, other), stretch in zip(zip(track.points, track.points[1:], strict=False), track.stretches, strict=True):
-        if not stretch.stable or other.t < one.t:
+    for (before, after), stretch in zip(pairwise(track.points), track.stretches, strict=True):
+        if not stretch.stable or after.t < before.t:
             break
         good += 1
     if not good:

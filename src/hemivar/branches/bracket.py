@@ -120,14 +120,14 @@ class LoadBracket:
     def __str__(self) -> str:
         if self.ended is Status.CONVERGED:
             return f"carries the load up to the factor {self.upto:g}, the largest that was tried"
-        found = f"equilibria up to the load factor {self.carried:.4g}"
-        found = found if self.carried else "carries nothing" if self.complete else "no equilibrium under load yet"
+        carried = f"equilibria up to the load factor {self.carried:.4g}"
+        carried = carried if self.carried else "carries nothing" if self.complete else "no equilibrium under load yet"
         if self.fold is not None:
-            return f"{found}, {self.not_carried:.4g} is not carried: the path folds at {self.fold:.4g}"
+            return f"{carried}, {self.not_carried:.4g} is not carried: the path folds at {self.fold:.4g}"
         none = "" if self.not_carried is None else f", no equilibrium found at {self.not_carried:.4g}"
         how = "the iteration failed there" if self.complete else "the bracket is not closed"
         how = "the body ran away there" if self.ended in _AWAY else how
-        return f"{found}{none} ({how}: {self.ended.value})"
+        return f"{carried}{none} ({how}: {self.ended.value})"
 
 
 @known_keywords
@@ -214,24 +214,24 @@ def bracketing(
         Budget(options.max_time),
     )
     line.check_grows()
-    found = yield from _within(line, options.upto, kept, budget, options, 0)
-    while found.complete and found.wide:  # steps that are parts of a smaller load are small enough
-        assert found.not_carried is not None
-        found = yield from _within(line, found.not_carried, kept, budget, options, found.tried)
+    bracket = yield from _within(line, options.upto, kept, budget, options, 0)
+    while bracket.complete and bracket.wide:  # steps that are parts of a smaller load are small enough
+        assert bracket.not_carried is not None
+        bracket = yield from _within(line, bracket.not_carried, kept, budget, options, bracket.tried)
     try:
-        fold = _fold(line, found, kept, budget)
-        return found if fold is None else replace(found, fold=fold, ended=Status.NOT_CARRIED)
+        fold = _fold(line, bracket, kept, budget)
+        return bracket if fold is None else replace(bracket, fold=fold, ended=Status.NOT_CARRIED)
     except KeyboardInterrupt:
-        return replace(found, ended=Status.INTERRUPTED)
+        return replace(bracket, ended=Status.INTERRUPTED)
 
 
-def _fold(line: LoadLine, found: LoadBracket, kept: Workspace, budget: Budget) -> float | None:
+def _fold(line: LoadLine, bracket: LoadBracket, kept: Workspace, budget: Budget) -> float | None:
     """Where the load turns back within a bracket that is closed; None where that was not found."""
-    low, high = found.carried, found.not_carried
-    if not found.complete or high is None or not low or not affordable(line.loaded) or stiffens(line.loaded):
+    low, high = bracket.carried, bracket.not_carried
+    if not bracket.complete or high is None or not low or not affordable(line.loaded) or stiffens(line.loaded):
         return None
     short = PathOptions((low, high), max_points=_POINTS, max_time=budget.left)
-    running = following(line.loaded, short, unloaded=line.unloaded, start=found.solution, workspace=kept)
+    running = following(line.loaded, short, unloaded=line.unloaded, start=bracket.solution, workspace=kept)
     forth, highest, turned = False, low, False
     try:
         while True:  # first back to the lower end, then forth until the load turns

@@ -102,8 +102,8 @@ class GraphChart(Curves):
     def length(self) -> float:
         """A typical displacement under the load; gaps do not count, for points far away may never close theirs."""
         free, moved = self.system.free, self.system.displaced
-        held = self.system.matrix + np.diag(self._springs)
-        u = la.solve(held[np.ix_(free, free)], moved.load[free], assume_a="pos") if free.size else moved.load[free]
+        supported = self.system.matrix + np.diag(self._springs)
+        u = la.solve(supported[np.ix_(free, free)], moved.load[free], assume_a="pos") if free.size else moved.load[free]
         fixed = np.where(moved.active, 0.0, self.system.fixed + self.system.problem.offset)
         size = max(float(np.abs(u).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
         return size if size > 0.0 else self.system.length_scale
@@ -138,8 +138,8 @@ class GraphChart(Curves):
     @cached_property
     def matrix(self) -> Array:
         """A, with the springs of held components, which are one of the weighed law beside the other rows, (n, n)."""
-        held = ~self.system.active.ravel()
-        return np.asarray(self.system.matrix + np.diag(np.where(held, self._weighed, 0.0)))
+        fixed = ~self.system.active.ravel()
+        return np.asarray(self.system.matrix + np.diag(np.where(fixed, self._weighed, 0.0)))
 
     @cached_property
     def _weighed(self) -> Array:
@@ -152,8 +152,8 @@ class GraphChart(Curves):
         return np.where(self.system.active, weight, weight / _STIFF)
 
     def load_of(self, system: CondensedProblem) -> Array:
-        held = ~self.system.active.ravel()
-        return np.where(held, self._weighed * system.fixed.ravel(), system.load)
+        fixed = ~self.system.active.ravel()
+        return np.where(fixed, self._weighed * system.fixed.ravel(), system.load)
 
     # ---- pairs ------------------------------------------------------------------------------------------
 
@@ -183,11 +183,11 @@ class GraphChart(Curves):
     def _charts(self) -> Recent[bytes, Chart]:
         return Recent(_CHARTS)
 
-    def look_up(self, places: Array) -> None:
+    def look_up(self, thetas: Array) -> None:
         """Evaluate pairs at places (k, n) together."""
-        r, lam, slope = self._of_places(places)
-        for i, place in enumerate(places):
-            self._known.once(place.tobytes(), partial(tuple, (r[i], lam[i], slope[i])))
+        r, lam, slope = self._of_places(thetas)
+        for i, theta in enumerate(thetas):
+            self._known.once(theta.tobytes(), partial(tuple, (r[i], lam[i], slope[i])))
 
     def slopes(self, theta: Array, side: Array) -> Array:
         """dr/dtheta (m, c, c) on a side."""
@@ -206,14 +206,14 @@ class GraphChart(Curves):
         return r, lam
 
     def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
-        found = [self._of_places(np.array(theta[i : i + _TOGETHER])) for i in range(0, len(theta), _TOGETHER)]
-        return np.concatenate([r for r, _, _ in found]), np.concatenate([lam for _, lam, _ in found])
+        parts = [self._of_places(np.array(theta[i : i + _TOGETHER])) for i in range(0, len(theta), _TOGETHER)]
+        return np.concatenate([r for r, _, _ in parts]), np.concatenate([lam for _, lam, _ in parts])
 
     def _of_places(self, theta: Array) -> tuple[Array, ...]:
         """r, lambda (k, m, c) and dr/dtheta (k, m, c, c) at places (k, n)."""
         index = np.tile(np.arange(self.system.shape[0]), len(theta))
-        found = self._pairs_of(theta, index)
-        return tuple(part.reshape(len(theta), -1, *part.shape[1:]) for part in found)
+        pairs = self._pairs_of(theta, index)
+        return tuple(part.reshape(len(theta), -1, *part.shape[1:]) for part in pairs)
 
     def inside(self, theta: Array, side: Array, tolerance: float) -> BoolArray:
         return np.ones(theta.size, dtype=bool)
@@ -280,11 +280,11 @@ class GraphChart(Curves):
     def _moving(self, slope: Array) -> tuple[Array, Array]:
         """Flexibilities d (m, c) of each law with its chart, held components apart, and their axes (m, c, c)."""
         flexible = slope / self.stiffness[:, None, :]
-        held = ~self.system.active
-        if held.any():
-            masked = flexible * (held[:, :, None] & held[:, None, :])
+        fixed = ~self.system.active
+        if fixed.any():
+            masked = flexible * (fixed[:, :, None] & fixed[:, None, :])
             flexible = flexible - flexible @ np.linalg.pinv(masked, rcond=1e-12, hermitian=True) @ flexible
-            flexible = np.where(held[:, :, None] | held[:, None, :], 0.0, flexible)
+            flexible = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, flexible)
         d, axes = np.linalg.eigh(0.5 * (flexible + flexible.transpose(0, 2, 1)))
         return d, axes
 
@@ -316,11 +316,11 @@ class GraphChart(Curves):
 
         On a stiff chart dr/dtheta (m, c, c) hardly changes where a law does that is soft beside the chart.
         """
-        one, scale = np.eye(self.system.shape[1]), self._stiffer[:, :, None]
+        eye, scale = np.eye(self.system.shape[1]), self._stiffer[:, :, None]
         after = slope + jump
-        moved, answered = scale * (one - after), np.matmul(slope, 1.0 / scale * one)
+        moved, answered = scale * (eye - after), np.matmul(slope, 1.0 / scale * eye)
         begin = np.matmul(answered, answered.transpose(0, 2, 1)) + np.matmul(
-            one - slope, (one - slope).transpose(0, 2, 1)
+            eye - slope, (eye - slope).transpose(0, 2, 1)
         )
         end = np.matmul(after.transpose(0, 2, 1), after) + np.matmul(moved.transpose(0, 2, 1), moved)
         turned = np.matmul(np.linalg.solve(begin, jump), np.linalg.solve(end, jump.transpose(0, 2, 1)))
@@ -331,24 +331,24 @@ class GraphChart(Curves):
         """How much stiffer the chart is than the body at a point, (m, c)."""
         return self.stiffness * spread(self.system.compliance, self.system.shape[1])
 
-    def straight(self, theta: Array, side: Array, way: Array) -> bool:
-        """Whether no law is curved between ``theta`` and ``theta + way``, nor has a corner there."""
-        return not _Start.of(self, theta, side, way, STRAIGHT).left(1.0).any()
+    def straight(self, theta: Array, side: Array, increment: Array) -> bool:
+        """Whether no law is curved between ``theta`` and ``theta + increment``, nor has a corner there."""
+        return not _Start.of(self, theta, side, increment, STRAIGHT).left(1.0).any()
 
-    def leaves(self, theta: Array, side: Array, way: Array, slack: float, parts: int = 0) -> Corner | None:
-        """The first corner between ``theta`` and ``theta + way``, or where derivatives differ by more than the slack.
+    def leaves(self, theta: Array, side: Array, increment: Array, slack: float, parts: int = 0) -> Corner | None:
+        """The first corner between ``theta`` and ``theta + increment``, or where derivatives differ by more than the slack.
 
         It is looked for at the end, and at so many halves of the way from there.
         """
-        start, halves = _Start.of(self, theta, side, way, slack), 0.5 ** np.arange(parts + 1)
+        start, halves = _Start.of(self, theta, side, increment, slack), 0.5 ** np.arange(parts + 1)
         if parts:
-            self.look_up(start.theta + halves[:, None] * way)
+            self.look_up(start.theta + halves[:, None] * increment)
         far = [part for part in halves if start.left(part).any()]
         if not far:
             return None
         high = float(far[-1])
         low = 0.5 * high if high > 0.5**parts else 0.0
-        near = _NEAR * self.length / max(float(np.abs(way).max()), _NEAR * self.length)
+        near = _NEAR * self.length / max(float(np.abs(increment).max()), _NEAR * self.length)
         for k in range(_ROUNDS):
             if high - low <= 2.0 * near + 1e-15 * high:
                 break
@@ -356,33 +356,33 @@ class GraphChart(Curves):
             for part in (guess + 0.5 * near, guess - 0.5 * near) if k % 3 < 2 else (0.5 * (low + high),):
                 if low < part < high:
                     low, high = (low, part) if start.left(part).any() else (part, high)
-        return self._corner(start.theta + high * way, way, high, _TELL)
+        return self._corner(start.theta + high * increment, increment, high, _TELL)
 
-    def _corner(self, place: Array, way: Array, part: float, near: float) -> Corner:
+    def _corner(self, theta: Array, increment: Array, part: float, near: float) -> Corner:
         """What jumps at a place of a way, or near it."""
         m, c = self.system.shape
-        beside = near * self.length * way / float(np.abs(way).max())
-        jump = self.pairs(place + beside)[2] - self.pairs(place - beside)[2]
+        beside = near * self.length * increment / float(np.abs(increment).max())
+        jump = self.pairs(theta + beside)[2] - self.pairs(theta - beside)[2]
         size = np.abs(jump).max(axis=(1, 2), initial=0.0)
         point = np.flatnonzero(size > _JUMP)
-        return Corner(part, point, _normals(jump[point], way.reshape(m, c)[point]))
+        return Corner(part, point, _normals(jump[point], increment.reshape(m, c)[point]))
 
-    def crossing(self, j: int, place: Array, normal: Array, reach: float) -> float | None:
+    def crossing(self, j: int, theta: Array, normal: Array, reach: float) -> float | None:
         """How far along its normal a contact point at ``place (c,)`` is from a corner; None if none is in reach.
 
         Corners may lie close to one another: a small part of the reach is searched first.
         """
-        found = (self._crossing(j, place, normal, part * reach) for part in _PARTS)
-        return next((off for off in found if off is not None), None)
+        offsets = (self._crossing(j, theta, normal, part * reach) for part in _PARTS)
+        return next((offset for offset in offsets if offset is not None), None)
 
-    def _crossing(self, j: int, place: Array, normal: Array, reach: float) -> float | None:
-        ends = self.pair_of(j, place + np.array([-reach, reach])[:, None] * normal)
+    def _crossing(self, j: int, theta: Array, normal: Array, reach: float) -> float | None:
+        ends = self.pair_of(j, theta + np.array([-reach, reach])[:, None] * normal)
         if np.abs(ends[1] - ends[0]).max() <= _JUMP:
             return None
         low, high = -reach, reach
-        while high - low > _ROUNDED * self.length + 4e-16 * float(np.abs(place).max()):
+        while high - low > _ROUNDED * self.length + 4e-16 * float(np.abs(theta).max()):
             tried = np.linspace(low, high, 18)[1:-1]
-            slopes = self.pair_of(j, place + tried[:, None] * normal)
+            slopes = self.pair_of(j, theta + tried[:, None] * normal)
             over = np.abs(slopes - ends[0]).max(axis=(1, 2)) > np.abs(slopes - ends[1]).max(axis=(1, 2))
             first = int(np.argmax(over)) if over.any() else tried.size
             before, after = tried[first - 1] if first else low, tried[first] if first < tried.size else high
@@ -391,9 +391,9 @@ class GraphChart(Curves):
             low, high = float(before), float(after)
         return 0.5 * (low + high)
 
-    def passing(self, place: Array, way: Array) -> Corner:
+    def passing(self, theta: Array, increment: Array) -> Corner:
         """All points that are at a corner of a place of the path, and pass it along the way."""
-        return self._corner(place, way, 1.0, BESIDE)
+        return self._corner(theta, increment, 1.0, BESIDE)
 
     def side_of(self, corner: Corner, chosen: BoolArray) -> Array:
         """A small vector into the pieces beyond a corner for the chosen of its points, else before it."""
@@ -410,11 +410,11 @@ class GraphChart(Curves):
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """A place, a way from it, and what the pairs would be if no piece were left and none were curved."""
+    """A point theta, an increment from it, and what the pairs would be if no piece were left and none were curved."""
 
     chart: GraphChart
     theta: Array
-    way: Array
+    increment: Array
     r: Array
     lam: Array
     slope: Array
@@ -422,23 +422,23 @@ class _Start:
     slack: float
 
     @staticmethod
-    def of(chart: GraphChart, theta: Array, side: Array, way: Array, slack: float) -> _Start:
+    def of(chart: GraphChart, theta: Array, side: Array, increment: Array, slack: float) -> _Start:
         theta = theta + side
         r, lam, slope = chart.pairs(theta)
-        rate = np.matmul(slope, way.reshape(chart.system.shape)[:, :, None])[:, :, 0]
-        return _Start(chart, theta, way, r, lam, slope, rate, slack)
+        rate = np.matmul(slope, increment.reshape(chart.system.shape)[:, :, None])[:, :, 0]
+        return _Start(chart, theta, increment, r, lam, slope, rate, slack)
 
     def _off(self, part: float) -> tuple[Array, Array, Array]:
         """By how much r (m, c) and the derivative (m, c, c) miss it at a part of the way; and the jump's rate."""
-        r, _, slope = self.chart.pairs(self.theta + part * self.way)
-        way = self.way.reshape(r.shape)
+        r, _, slope = self.chart.pairs(self.theta + part * self.increment)
+        increment = self.increment.reshape(r.shape)
         jump = slope - self.slope
-        return r - self.r - part * self.rate, jump, np.matmul(jump, way[:, :, None])[:, :, 0]
+        return r - self.r - part * self.rate, jump, np.matmul(jump, increment[:, :, None])[:, :, 0]
 
     def left(self, part: float) -> BoolArray:
         """Which points (m,) are no longer where they would be."""
         off, jump, _ = self._off(part)
-        moved = part * np.abs(self.way.reshape(off.shape)).max(axis=1)
+        moved = part * np.abs(self.increment.reshape(off.shape)).max(axis=1)
         bent = np.abs(off).max(axis=1) > self.slack * moved + 1e-12 * self.chart.length
         # Far away multipliers are differences of large numbers, and so is what a bound that follows them makes of them.
         size = np.abs(self.lam / self.chart.stiffness).max(axis=1)
@@ -454,16 +454,16 @@ class _Start:
         return part - float(back.max(initial=0.0))
 
 
-def _normals(jump: Array, way: Array) -> Array:
+def _normals(jump: Array, increment: Array) -> Array:
     """Unit normals (k, c) of jumps ``b n'`` (k, c, c), along the way; the way itself where a jump has none."""
     if not len(jump):
-        return way
+        return increment
     _, values, rows = np.linalg.svd(jump)
-    along = np.einsum("kc,kc->k", rows[:, 0], way)
-    size = np.linalg.norm(way, axis=1)
+    along = np.einsum("kc,kc->k", rows[:, 0], increment)
+    size = np.linalg.norm(increment, axis=1)
     sloped = np.abs(along) > 1e-9 * size
     plain = sloped if values.shape[1] == 1 else sloped & (values[:, 1] <= _NO_NORMAL * values[:, 0])
-    heading = way / np.where(size > 0.0, size, 1.0)[:, None]
+    heading = increment / np.where(size > 0.0, size, 1.0)[:, None]
     return np.where(plain[:, None], rows[:, 0] * np.where(along < 0.0, -1.0, 1.0)[:, None], heading)
 
 
@@ -509,9 +509,9 @@ def _resists(work: Array) -> bool:
 def _flexibilities(stiff: Array, weighed: Array, moves: BoolArray) -> Array:
     """Eigenvalues of ``stiff^-1 weighed``, but for motions that nothing resists; rows but ``moves (n,)`` are zero."""
     try:
-        found = np.linalg.eigvals(weighed[moves] @ np.linalg.solve(stiff, np.eye(len(stiff))[:, moves]))
-        if np.abs(found).max(initial=0.0) * _NEUTRAL * np.linalg.norm(stiff) < np.linalg.norm(weighed):
-            return np.asarray(found)
+        eigenvalues = np.linalg.eigvals(weighed[moves] @ np.linalg.solve(stiff, np.eye(len(stiff))[:, moves]))
+        if np.abs(eigenvalues).max(initial=0.0) * _NEUTRAL * np.linalg.norm(stiff) < np.linalg.norm(weighed):
+            return np.asarray(eigenvalues)
     except np.linalg.LinAlgError:
         pass
     force, motion = la.eigvals(stiff, weighed, homogeneous_eigvals=True)

@@ -38,7 +38,7 @@ class _LostError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _TangentBody:
     """A body where it is: all its unknowns (n,), and the linear body with its forces and stiffness there."""
 
     unknowns: Array
@@ -57,9 +57,9 @@ class NonlinearFollower(GraphFollower):
         return Recent(_KEPT)
 
     @cached_property
-    def _place(self) -> list[_Place]:
+    def _last(self) -> list[_TangentBody]:
         """Where the body was last."""
-        return [_Place(self.start, self.chain.system)]
+        return [_TangentBody(self.start, self.chain.system)]
 
     def advance(
         self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
@@ -83,28 +83,28 @@ class NonlinearFollower(GraphFollower):
 
     def unknowns(self, r: Array, t: float) -> Array:
         """All unknowns (n,) for displacements (m, d) of the contact points and a load."""
-        self._place[:] = [self._inside(self.line.at(t), r)]
-        return self._place[0].unknowns
+        self._last[:] = [self._inside(self.line.at(t), r)]
+        return self._last[0].unknowns
 
     def body_at(self, theta: Array, t: float) -> tuple[GraphChart, Array, Array]:
         return self._known.once((theta.tobytes(), t), lambda: self._body_at(theta, t))
 
     def _body_at(self, theta: Array, t: float) -> tuple[GraphChart, Array, Array]:
         u = self.unknowns(self.chain.local(theta, self.chain.here)[0], t)
-        self._place[:] = [_Place(u, _condensed(self.line.at(t), u))]
-        chart = replace(self.chain, system=self._place[0].system)
+        self._last[:] = [_TangentBody(u, _condensed(self.line.at(t), u))]
+        chart = replace(self.chain, system=self._last[0].system)
         force, beside = chart.load_of(chart.system), _BESIDE * (self.high - self.low)
-        after = chart.load_of(_under(self._place[0], self.line.at(t + beside)))
+        after = chart.load_of(_under(self._last[0], self.line.at(t + beside)))
         return chart, force + self.force0, (after - force) / beside
 
-    def _inside(self, problem: DiscreteProblem, r: Array) -> _Place:
+    def _inside(self, problem: DiscreteProblem, r: Array) -> _TangentBody:
         """The body in equilibrium but for its contact points: by a stiffness near, or by its own."""
-        place = self._place[0]
+        body = self._last[0]
         for _ in range(_STIFFNESSES):
-            u, settled = _settled(place, problem, r)
-            if settled:
-                return _Place(u, place.system)
-            place = _Place(u, _condensed(problem, u))
+            u, balanced = _settled(body, problem, r)
+            if balanced:
+                return _TangentBody(u, body.system)
+            body = _TangentBody(u, _condensed(problem, u))
         raise _LostError
 
 
@@ -121,26 +121,26 @@ def _condensed(problem: DiscreteProblem, u: Array) -> CondensedProblem:
         raise _LostError from None
 
 
-def _under(place: _Place, problem: DiscreteProblem) -> CondensedProblem:
+def _under(body: _TangentBody, problem: DiscreteProblem) -> CondensedProblem:
     """The linear body of a place with the forces that another load leaves there."""
-    own, u = place.system.problem, place.unknowns
+    own, u = body.system.problem, body.unknowns
     load = problem.out_of_balance(u) + own.linear.gradient(u)
-    return place.system.for_problem(own.under(load, offset=problem.offset))
+    return body.system.for_problem(own.under(load, offset=problem.offset))
 
 
-def _settled(place: _Place, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
+def _settled(body: _TangentBody, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
     """The unknowns after corrections by the stiffness of a place, and whether they stand; the last good ones if not."""
     bulk, last = cast(Potential, problem.bulk), np.inf
-    held = float(np.abs(bulk.energy.origin).max())
+    extent = float(np.abs(bulk.energy.origin).max())
     for _ in range(_CORRECTIONS):
-        found = _under(place, problem).unknowns(r)
-        if not np.isfinite(found).all():
+        u = _under(body, problem).unknowns(r)
+        if not np.isfinite(u).all():
             break
-        moved, size = float(np.abs(found - place.unknowns).max()), max(float(np.abs(found).max()), held)
-        place = _Place(found, place.system)
+        moved, size = float(np.abs(u - body.unknowns).max()), max(float(np.abs(u).max()), extent)
+        body = _TangentBody(u, body.system)
         if moved <= _ROUNDED * size or (moved >= 0.5 * last and moved <= _LEFT * size):
-            return found, True
+            return u, True
         if moved >= 0.5 * last:
             break
         last = moved
-    return place.unknowns, False
+    return body.unknowns, False

@@ -267,15 +267,15 @@ class Path(PickleMixin, ReprMixin):
 
         Interpolated linearly: exact where the path is not curved.
         """
-        found: list[tuple[Array, bool]] = []
+        crossings: list[tuple[Array, bool]] = []
         t = self.load_factor
         for i in range(len(self) - 1):
             first = i == 0 or t[i] != load_factor
             between = (t[i] - load_factor) * (t[i + 1] - load_factor) <= 0.0 and t[i] != t[i + 1]
             if between and first:
                 part = (load_factor - t[i]) / (t[i + 1] - t[i])
-                found.append((self.local[i] + part * (self.local[i + 1] - self.local[i]), bool(self.stable[i])))
-        return found
+                crossings.append((self.local[i] + part * (self.local[i + 1] - self.local[i]), bool(self.stable[i])))
+        return crossings
 
 
 def _large_turns(loads: Array, part: float) -> BoolArray:

@@ -90,17 +90,17 @@ def _best(system: CondensedProblem, u: Array, r: Array, lam: Array) -> Polished:
     if not np.any(problem.load):
         bodies.append(np.zeros_like(u))
     pairs = [(body, multiplier) for body in bodies for multiplier in (lam, nearest)]
-    found = [residual(problem, *pair) for pair in pairs]
+    residuals = [residual(problem, *pair) for pair in pairs]
     # of equal ones, the element of the law itself
-    order = sorted(range(len(pairs)), key=lambda i: (max(found[i].total - found[i].rounding, 0.0), -i))
+    order = sorted(range(len(pairs)), key=lambda i: (max(residuals[i].total - residuals[i].rounding, 0.0), -i))
     body, multiplier = pairs[order[0]]
     moved = bulk.row_sums * np.abs(body) + np.abs(problem.load) + np.abs(problem.contact_force(np.abs(multiplier)))
-    return Polished(body, multiplier, found[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
+    return Polished(body, multiplier, residuals[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
 
 
-def _near(system: CondensedProblem, one: Solution, two: Solution) -> bool:
+def _near(system: CondensedProblem, first: Solution, second: Solution) -> bool:
     """Whether two solutions are the same but for the tolerance: a method goes downhill from a saddle."""
-    return bool(np.abs(one.local - two.local).max(initial=0.0) <= 1e-5 * system.length_scale)
+    return bool(np.abs(first.local - second.local).max(initial=0.0) <= 1e-5 * system.length_scale)
 
 
 def polish_by_solver(

@@ -238,21 +238,21 @@ def finding(
                 constants = smallness(problem, trace_constant=False, workspace=kept)
             if constants is None or one_solution(problem, constants):
                 search.run(NonsmoothNewton())
-            if constants is None and len(search.found) == 1:
-                u, lam = search.found[0].unknowns, search.found[0].multiplier
+            if constants is None and len(search.solutions) == 1:
+                u, lam = search.solutions[0].unknowns, search.solutions[0].multiplier
                 constants = smallness(problem, displacement=u, multiplier=lam, trace_constant=False, workspace=kept)
             proved = constants is not None and one_solution(problem, constants)
-            if plane and chain is None and not (proved and search.found):
+            if plane and chain is None and not (proved and search.solutions):
                 chain = chain_of(system)
                 search.follow(chain)
-        if not (proved and search.found):
+        if not (proved and search.solutions):
             search.plan(options.starts)
             yield from search.working(search.from_solvers(options.starts))
             if chain is not None:
                 yield from search.working(search.from_deflation(options.starts))
                 yield from search.working(search.from_paths_and_saddles())
     combinations = chain.combinations if chain is not None and not dependent else np.inf
-    if constants is not None and one_solution(problem, constants) and len(search.found) == 1:
+    if constants is not None and one_solution(problem, constants) and len(search.solutions) == 1:
         searched = f"the margin {constants.margin:.3g} is positive, so there is one solution"
         return SolutionSet(search.sorted(), True, combinations, search.starts, searched, search.interrupted)
     if chain is None:
@@ -293,11 +293,11 @@ def _of_nonlinear_body(
                 constants = smallness(problem, trace_constant=False, workspace=workspace)
                 if one_solution(problem, constants):
                     search.run(NonsmoothNewton())
-        if not search.found:
+        if not search.solutions:
             search.plan(options.starts)
             yield from search.working(search.from_solvers(options.starts))
             yield from search.working(search.from_between())
-    proved = constants is not None and one_solution(problem, constants) and len(search.found) == 1
+    proved = constants is not None and one_solution(problem, constants) and len(search.solutions) == 1
     searched = f"{search.starts} starts of a body that is not linear; there may be more solutions, saddles above all"
     if proved and constants is not None:
         searched = f"the margin {constants.margin:.3g} is positive, so there is one solution"
@@ -333,7 +333,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
         searched += "; a law is known from samples only"
     if search.full_and_more:
         searched += f"; stopped at {search.limit} solutions"
-    inaccurate = sum(solution.status is not Status.CONVERGED for solution in search.found)
+    inaccurate = sum(solution.status is not Status.CONVERGED for solution in search.solutions)
     if inaccurate:
         searched += f"; {inaccurate} of the solutions meet the tolerance up to rounding only"
     return SolutionSet(search.sorted(), complete, chain.combinations, 0, searched)
