@@ -336,9 +336,9 @@ class GraphChart(Curves):
         return not _Start.of(self, theta, side, increment, STRAIGHT).left(1.0).any()
 
     def leaves(self, theta: Array, side: Array, increment: Array, slack: float, parts: int = 0) -> Corner | None:
-        """The first corner between ``theta`` and ``theta + increment``, or where derivatives differ by more than the slack.
+        """The first corner of a straight way, or where derivatives differ by more than the slack.
 
-        It is looked for at the end, and at so many halves of the way from there.
+        It is looked for at the end, ``theta + increment``, and at so many halves of the way from there.
         """
         start, halves = _Start.of(self, theta, side, increment, slack), 0.5 ** np.arange(parts + 1)
         if parts:
@@ -368,7 +368,7 @@ class GraphChart(Curves):
         return Corner(part, point, _normals(jump[point], increment.reshape(m, c)[point]))
 
     def crossing(self, j: int, theta: Array, normal: Array, reach: float) -> float | None:
-        """How far along its normal a contact point at ``place (c,)`` is from a corner; None if none is in reach.
+        """How far along its normal a contact point at ``theta (c,)`` is from a corner; None if none is in reach.
 
         Corners may lie close to one another: a small part of the reach is searched first.
         """
