@@ -54,24 +54,22 @@ def derivative_by_law(
     right = np.stack([((law.prox(x, tau) - base) / step).ravel() for law, step in changed], axis=1)
     S = np.asarray(system.matrix).reshape(m, d, m * d)
     flow = np.einsum("jab,jbk->jak", P * wide[:, None, :] / system.weights[:, None, None], S).reshape(m * d, m * d)
-    held = np.zeros((m, d, m, d))
+    own = np.zeros((m, d, m, d))
     points = np.arange(m)
-    held[points, :, points, :] = np.eye(d) - P
-    whole = held.reshape(m * d, m * d) + flow
+    own[points, :, points, :] = np.eye(d) - P
+    whole = own.reshape(m * d, m * d) + flow
     fixed = np.flatnonzero(~system.active.ravel())
     whole[fixed], right[fixed] = np.eye(m * d)[fixed], 0.0
     try:
-        found = np.linalg.solve(whole, right)
+        change = np.linalg.solve(whole, right)
     except np.linalg.LinAlgError:
-        found = np.full_like(right, np.inf)
-    return np.asarray(found.reshape(m, d, len(changed)))
+        change = np.full_like(right, np.inf)
+    return np.asarray(change.reshape(m, d, len(changed)))
 
 
 def _steps(system: CondensedProblem) -> Array:
     """Steps tau (m, 2): the compliance of each point, less where its law softens."""
-    m, d = system.shape
-    stiffness = np.diag(system.matrix).reshape(m, d) / system.weights[:, None]
-    sizes = np.column_stack([stiffness[:, 0], stiffness[:, 1:].max(axis=1) if d > 1 else stiffness[:, 0]])
-    softening = np.column_stack([np.broadcast_to(alpha, m) for alpha in system.law.weak_convexity]).max(axis=1)
-    needed = np.where(np.isfinite(softening), softening / _CONVEX, sizes.max(axis=1) / _BRITTLE)
-    return np.asarray(1.0 / np.maximum(sizes, needed[:, None]))
+    stiffness = 1.0 / system.compliance
+    softening = np.maximum(*(np.broadcast_to(alpha, len(stiffness)) for alpha in system.law.weak_convexity))
+    needed = np.where(np.isfinite(softening), softening / _CONVEX, stiffness.max(axis=1) / _BRITTLE)
+    return np.asarray(1.0 / np.maximum(stiffness, needed[:, None]))
