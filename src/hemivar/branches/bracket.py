@@ -1,4 +1,4 @@
-"""What a body carries: the load grows from zero until no equilibrium is found."""
+"""A bracket of the limit load: the load grows from zero until no equilibrium is found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All stationary points of a problem whose laws are piecewise quadratic: every combination of segments is tried.
+"""All stationary points by enumeration of active sets: laws are piecewise quadratic, every combination is tried.
 
 On a combination the law is affine where a component moves and free where it is held at a kink, so that one linear
 system for the components that move gives all of it.  Every point comes with a bound of its rounding error, and every

@@ -1,4 +1,4 @@
-"""Path following: the equilibria of a body while its load grows, through folds."""
+"""Path following (numerical continuation): the equilibria of a body while its load grows, through folds."""
 
 from __future__ import annotations
 
