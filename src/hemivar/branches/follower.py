@@ -1,4 +1,4 @@
-"""The curve of equilibria over the load: from corner to corner where it is straight, else by arc length."""
+"""Arc-length continuation of equilibria: predictor and corrector; from corner to corner where the path is straight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The graphs of contact laws in Minty's chart: any law, in the plane and in space, coupled or not.
+"""The graphs of contact laws in Minty's parametrisation: any law, in the plane and in space, coupled or not.
 
 With a stiffness a above the weak convexity of the law, ``theta = r + lambda/a`` tells the pair of a contact point: the
 graph is a Lipschitz map ``theta -> r, lambda``, and equilibrium is

@@ -1,4 +1,4 @@
-"""A path in Minty's chart: straight from corner to corner where all laws are, else by arc length; through corners."""
+"""Continuation in Minty's chart: from corner to corner where laws are straight, else by arc length; through corners."""
 
 from __future__ import annotations
 

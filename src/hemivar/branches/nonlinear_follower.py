@@ -1,4 +1,4 @@
-"""The path of a body that is not linear: in its place, wherever the path is, the linear body with its tangent there."""
+"""Continuation of a body that is not linear: at each point of the path, the linear body with its tangent stiffness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A path of equilibria: its points, folds and jumps, and why it ends."""
+"""A path of equilibria: its points, folds (limit points), bifurcations and jumps, and why it ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers that an equilibrium has, by name: what is drawn over the load, and where a path ends."""
+"""Numbers that an equilibrium has, by name: what a bifurcation diagram draws over the load, and where a path ends."""
 
 from __future__ import annotations
 

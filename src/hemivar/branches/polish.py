@@ -1,4 +1,4 @@
-"""The last digits of a solution: refinement on the pieces and kinks that it was found on."""
+"""The last digits of a solution: iterative refinement on the pieces and kinks that it was found on."""
 
 from __future__ import annotations
 

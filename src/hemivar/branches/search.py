@@ -1,4 +1,4 @@
-"""The search for solutions: many starts, deflation and load paths, and what was found so far."""
+"""The search for solutions: multistart, deflated Newton's method and continuation, and what was found so far."""
 
 from __future__ import annotations
 

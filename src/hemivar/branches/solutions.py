@@ -1,4 +1,4 @@
-"""All solutions of a problem, as far as they can be found."""
+"""All solutions of a problem, as far as enumeration, multistart, deflation and continuation find them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The graph of a law whose friction bound depends on penetration or pressure, in two dimensions.
+"""The graph of a law whose friction bound depends on the state, penetration or pressure, in two dimensions.
 
 The friction is ``h(r_nu, lam_nu) xi`` with ``xi in dj_tau(r_tau)``: the curve of each tangential component is that of
 the profile alone, ``(r_tau, xi)``, and the bound is a factor that couples it with the normal component of its point,

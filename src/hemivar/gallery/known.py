@@ -1,4 +1,4 @@
-"""Problems with exact solutions, derived in the docstrings."""
+"""Problems with exact or manufactured solutions, derived in the docstrings."""
 
 from __future__ import annotations
 

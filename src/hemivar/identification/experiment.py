@@ -1,4 +1,4 @@
-"""An experiment on the model: one body, a row of loads and prescribed displacements, and what is measured of it."""
+"""An experiment, the forward map of a fit: loads and displacements that are set in rows, and what is measured there."""
 
 from __future__ import annotations
 

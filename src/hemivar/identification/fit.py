@@ -1,4 +1,4 @@
-"""Least squares over the parameters of a law, with intervals, and what the data cannot tell apart."""
+"""Nonlinear least squares over the parameters of a law: confidence intervals, and what is not identifiable."""
 
 from __future__ import annotations
 

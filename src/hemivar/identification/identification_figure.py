@@ -1,4 +1,4 @@
-"""A measured curve with its fit, the law that was found, and what of it is not known."""
+"""Figure and table of a fit: the measured curve, the residuals, the intervals of the parameters."""
 
 from __future__ import annotations
 

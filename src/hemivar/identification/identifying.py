@@ -1,4 +1,4 @@
-"""Parameters of a contact law from a measured curve, for a problem file or a function."""
+"""Parameter identification: a contact law from a measured curve, for a problem file or a function."""
 
 from __future__ import annotations
 

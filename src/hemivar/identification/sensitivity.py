@@ -1,4 +1,4 @@
-"""How a solution changes with the parameters of its law.
+"""Sensitivities: the derivative of the solution map by the parameters of the law.
 
 A solution has ``S r + W lam = f`` on the condensed body, and ``r = prox(r + tau lam)`` at each contact point, with a
 step tau that is small enough for a law that softens.  Both are differentiated: with P the derivative of the proximal

@@ -56,7 +56,7 @@ SURVEY_METHODS: Mapping[str, str] = MappingProxyType(
 _SHORT = dict(zip(SURVEY_METHODS, ("Direct", "AL", "PD"), strict=True))
 #: The method that the others are compared with.
 DEFAULT = "newton"
-#: Figures 1 to 4, with the method that the survey's caption names, are on a mesh of so many cells along a side.
+#: The method that the survey's caption of each figure names.
 CAPTIONS = MappingProxyType(
     {
         "figure1": "augmented Lagrangian",
