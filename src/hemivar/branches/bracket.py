@@ -14,7 +14,7 @@ from hemivar.basics.display import brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.branches.follow import PathOptions, following
-from hemivar.branches.path import Path
+from hemivar.branches.path import SAME_LOAD, Path
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine
 from hemivar.fem.as_discrete import ProblemLike
@@ -33,12 +33,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]
 
-#: Part of a load below which nothing of it counts as carried.
-_NOTHING = 1e-9
 #: Ends of a search that say what the body does, not how the iteration failed.
 _AWAY = (Status.UNBOUNDED, Status.NOT_CARRIED)
-#: Points of the path on which a fold is looked for, at most.
-_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -115,7 +111,7 @@ class LoadBracket:
     def wide(self) -> bool:
         """Whether the bracket is open by more than 1 % of its upper end, and that is more than nothing."""
         low, high = self.carried, self.not_carried
-        return high is not None and high > _NOTHING and high - low > LoadStepping().width * high
+        return high is not None and high > SAME_LOAD and high - low > LoadStepping().width * high
 
     def __str__(self) -> str:
         if self.ended is Status.CONVERGED:
@@ -230,7 +226,7 @@ def _fold(line: LoadLine, bracket: LoadBracket, kept: Workspace, budget: Budget)
     low, high = bracket.carried, bracket.not_carried
     if not bracket.complete or high is None or not low or not affordable(line.loaded) or stiffens(line.loaded):
         return None
-    short = PathOptions((low, high), max_points=_POINTS, max_time=budget.left)
+    short = PathOptions((low, high), max_points=200, max_time=budget.left)
     running = following(line.loaded, short, unloaded=line.unloaded, start=bracket.solution, workspace=kept)
     forth, highest, turned = False, low, False
     try:

@@ -18,7 +18,7 @@ from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
 from hemivar.branches.nonlinear_follower import NonlinearFollower, linear_in_place
-from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
+from hemivar.branches.path import SAME_LOAD, Bifurcation, Fold, Path, PathEnd, PathJump
 from hemivar.branches.path_quantities import PathQuantity, checked_until, quantity_on
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.model import quadratic
@@ -39,9 +39,11 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["PathOptions", "follow_path", "following"]
 
 
-#: Part of the range of loads by which it may change and stand still; and at which a path begins.
-_STILL, _FIRST = 1e-9, 1e-4
-#: Charts that are tried, each stiffer than the last.
+#: Part of the range of loads at which a path begins, where all components are off their kinks. 1e-3 and 1e-5 give the
+#: same paths in tests/branches.
+_FIRST = 1e-4
+#: Charts that are tried: each is more than six times as stiff as the last where that failed. 4 and 16 give the same
+#: paths in tests/branches.
 _CHARTS = 8
 
 
@@ -378,7 +380,7 @@ def _energies(line: LoadLine, follower: Follower, t: Array, local: Array, multip
 def _bifurcations(track: Track) -> tuple[Bifurcation, ...]:
     """Where falling directions come or go by another number than that of the folds there."""
     t = track.load_factors
-    moves = np.flatnonzero(np.abs(np.diff(t)) > _STILL * np.ptp(t))
+    moves = np.flatnonzero(np.abs(np.diff(t)) > SAME_LOAD * np.ptp(t))
     bifurcations = []
     for before, after in itertools.pairwise(moves):
         came = abs(track.stretches[after].negative - track.stretches[before].negative)

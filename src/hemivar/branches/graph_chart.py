@@ -27,35 +27,44 @@ from hemivar.laws.vector_law import Chart, spread
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.curves import Curves, negative_eigenvalues
 
-__all__ = ["BESIDE", "STRAIGHT", "Corner", "GraphChart", "chart_of"]
+__all__ = ["BESIDE", "FREE", "STRAIGHT", "Corner", "GraphChart", "chart_of"]
 
-#: Differences of derivatives that are none, on straight pieces.
+#: Difference of dr/dtheta, which is of size one, that is none: a piece is straight. 1e-7 and 1e-9 give the
+#: same paths in tests/branches.
 STRAIGHT = 1e-8
-
-#: How much stiffer than the body the spring is that stands for a support.
+#: How much stiffer than the body the spring is that stands for a support: what it yields is next to rounding. 1e11 and
+#: 1e13 give the same paths in tests/branches; from 1e16 on the body is rounding beside it.
 _STIFF = 1e12
-#: Rounds in which the first corner of a way is found.
-_ROUNDS = 60
-#: Distance from a corner at which its sides are evaluated, as a part of the length.
+#: Distance from a corner, relative to the length, at which its sides are evaluated. It is above the distance to which a
+#: corner is found, and two corners must be farther apart. 1e-6 and 1e-8 give the same paths in tests/branches.
 BESIDE = 1e-7
-#: How near a corner of a way is found, distance from there at which it is told from a bend, and what is rounding.
-_NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-12
-#: A jump of the derivative that counts, in units of what r moves with theta.
+#: How near the first corner on an increment is found, relative to the length; at 2.5 of it it is seen whether a
+#: derivative jumps. Ten times more and less give the same paths in tests/branches; it must stay below BESIDE.
+_NEAR = 2e-9
+#: Part of the length that is rounding of theta. 1e-11 and 1e-13 give the same paths in tests/branches.
+_ROUNDED = 1e-12
+#: A jump of dr/dtheta that counts as a corner; a smaller one is a bend. 1e-3 and 1e-5 give the same paths in
+#: tests/branches.
 _JUMP = 1e-4
-#: Rounding of derivatives at most, far below a jump.
+#: Rounding of dr/dtheta at most, however far theta goes: far below a jump. 1e-4 and 1e-6 give the same paths in
+#: tests/branches.
 _FAR_AWAY = 1e-5
-#: Part of the stiffness that is none, and below which only contact holds a body.
-_NEUTRAL, _FREE = 1e-13, 1e-9
-#: Parts of a reach in which a corner is searched one after the other.
-_PARTS = (1e-2, 1e-1, 1.0)
-#: Pairs that are remembered, and places that are evaluated together.
-_KEPT, _TOGETHER = 16, 100
-#: Laws of contact points that are remembered, laid out in tables.
-_CHARTS = 6
-#: Second singular value of a jump, relative to the first one, above which it has no normal.
+#: Part of the stiffness that resists no motion: rounding of a dense matrix. 1e-12 and 1e-14 give the same stability of
+#: all points in tests/branches.
+_NEUTRAL = 1e-13
+#: Part of the stiffness below which nothing but contact holds a body. 1e-8 and 1e-10 give the same paths in
+#: tests/branches.
+FREE = 1e-9
+#: Pairs that are remembered: the halves of an increment, nine of them, and what the corrector asks for beside them.
+_KEPT = 16
+#: Second singular value of a jump, relative to the first one, above which two corners meet and it has no normal. 1e-2
+#: and 1e-4 give the same paths in tests/branches.
 _NO_NORMAL = 1e-3
-#: How far a is above the weak convexity at first, and where it was not enough; and how far it has to be.
-_ABOVE, _FAR_ABOVE, _ENOUGH = 2.0, 8.0, 1.2
+#: How far a is above the weak convexity at first: above one the graph is Lipschitz in theta, and at two with the
+#: constant 2; a chart that was not enough is followed by one four times as stiff.
+_ABOVE = 2.0
+#: How far a has to stay above the weak convexity, so that the constant is 6 at most; else the next chart is taken.
+_ENOUGH = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +123,7 @@ class GraphChart(Curves):
         free, size = self.system.free, self.system.diagonal.ravel()
         scale = np.sqrt(size[free])
         scaled = self.system.matrix[np.ix_(free, free)] / scale[:, None] / scale
-        if not free.size or la.eigvalsh(scaled, subset_by_index=[0, 0])[0] > _FREE:
+        if not free.size or la.eigvalsh(scaled, subset_by_index=[0, 0])[0] > FREE:
             return 1e-3 * size
         slope = np.diagonal(self.pairs(self.first.ravel())[2], axis1=1, axis2=2).clip(0.0, 1.0)
         law = np.minimum(1.0, (1.0 - slope) / np.maximum(slope, 1e-300))
@@ -181,7 +190,7 @@ class GraphChart(Curves):
 
     @cached_property
     def _charts(self) -> Recent[bytes, Chart]:
-        return Recent(_CHARTS)
+        return Recent(6)  # of all points, of the rows evaluated together, and of single ones
 
     def look_up(self, thetas: Array) -> None:
         """Evaluate pairs at places (k, n) together."""
@@ -206,7 +215,8 @@ class GraphChart(Curves):
         return r, lam
 
     def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
-        parts = [self._of_places(np.array(theta[i : i + _TOGETHER])) for i in range(0, len(theta), _TOGETHER)]
+        some = 100  # whose pairs are evaluated together
+        parts = [self._of_places(np.array(theta[i : i + some])) for i in range(0, len(theta), some)]
         return np.concatenate([r for r, _, _ in parts]), np.concatenate([lam for _, lam, _ in parts])
 
     def _of_places(self, theta: Array) -> tuple[Array, ...]:
@@ -349,14 +359,14 @@ class GraphChart(Curves):
         high = float(far[-1])
         low = 0.5 * high if high > 0.5**parts else 0.0
         near = _NEAR * self.length / max(float(np.abs(increment).max()), _NEAR * self.length)
-        for k in range(_ROUNDS):
+        for k in range(60):  # every third one halves the stretch, so that 1e-6 of it is left at most
             if high - low <= 2.0 * near + 1e-15 * high:
                 break
             guess = start.guess(high)
             for part in (guess + 0.5 * near, guess - 0.5 * near) if k % 3 < 2 else (0.5 * (low + high),):
                 if low < part < high:
                     low, high = (low, part) if start.left(part).any() else (part, high)
-        return self._corner(start.theta + high * increment, increment, high, _TELL)
+        return self._corner(start.theta + high * increment, increment, high, 2.5 * _NEAR)
 
     def _corner(self, theta: Array, increment: Array, part: float, near: float) -> Corner:
         """What jumps at a place of a way, or near it."""
@@ -372,7 +382,7 @@ class GraphChart(Curves):
 
         Corners may lie close to one another: a small part of the reach is searched first.
         """
-        offsets = (self._crossing(j, theta, normal, part * reach) for part in _PARTS)
+        offsets = (self._crossing(j, theta, normal, part * reach) for part in (1e-2, 1e-1, 1.0))
         return next((offset for offset in offsets if offset is not None), None)
 
     def _crossing(self, j: int, theta: Array, normal: Array, reach: float) -> float | None:
@@ -439,7 +449,7 @@ class _Start:
         """Which points (m,) are no longer where they would be."""
         off, jump, _ = self._off(part)
         moved = part * np.abs(self.increment.reshape(off.shape)).max(axis=1)
-        bent = np.abs(off).max(axis=1) > self.slack * moved + 1e-12 * self.chart.length
+        bent = np.abs(off).max(axis=1) > self.slack * moved + _ROUNDED * self.chart.length
         # Far away multipliers are differences of large numbers, and so is what a bound that follows them makes of them.
         size = np.abs(self.lam / self.chart.stiffness).max(axis=1)
         rounded = np.minimum(_FAR_AWAY, 1e-15 * moved / np.maximum(size, 1e-300))
@@ -481,7 +491,7 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
             f"law '{system.law.name}' drops discontinuously, so its load path needs a linear plane body and a "
             f"separable law; give the drop a slope"
         )
-    a = np.maximum((_ABOVE if known is None else _FAR_ABOVE) * alpha, 1.0 / system.compliance)
+    a = np.maximum((1.0 if known is None else 4.0) * _ABOVE * alpha, 1.0 / system.compliance)
     if known is not None:
         return replace(known, a=np.maximum(a, known.a))
     return GraphChart(system, a, r + lam / spread(a, r.shape[1]))

@@ -10,27 +10,31 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.branches.follower import FollowedPoint, Follower, PathEvent
-from hemivar.branches.graph_chart import BESIDE, STRAIGHT, Corner, GraphChart
-from hemivar.branches.path import PathEnd
+from hemivar.branches.graph_chart import BESIDE, FREE, STRAIGHT, Corner, GraphChart
+from hemivar.branches.path import SAME_LOAD, PathEnd
 from hemivar.systems.curves import ROUNDING
 
 __all__ = ["GraphFollower", "OutOfChartError"]
 
-#: Differences of derivatives in a curved step, at most at first.
+#: Sine of the angle by which a graph turns in a curved step at most; it is halved with the step where that fails. 0.1
+#: and 0.4 give the same folds in tests/branches.
 _CURVED = 0.2
-#: Halves of a long way at which corners are looked for.
+#: Halves of a long increment at which corners are looked for: 2^-8 of it is the shortest. 4 and 16 give the same paths
+#: in tests/branches.
 _HALVES = 8
-#: Part of the length on which it is seen whether the path is straight.
+#: Part of the length on which it is seen whether the path is straight. 1e-2 and 1e-4 give the same paths in
+#: tests/branches.
 _PROBE = 1e-3
-#: How far corners are looked for, in lengths; part of the range of loads that is none.
-_FAR, _LEFT = 1e6, 1e-9
-#: Rounds in which a curved corner is located, and distance from it that is none.
-_ROUNDS, _ON = 12, 1e-11
-#: Stiffness, as a part of the largest, that holds nothing.
-_FREE = 1e-9
-#: Part of a way that a point of the path may lie off it.
-_NEARBY = 0.5
-#: Ways on that are tried where several points meet a corner together.
+#: How far corners are looked for, in lengths, where the load has ceased to change; 1e5 and 1e7 give the same paths in
+#: tests/branches.
+_FAR = 1e6
+#: Rounds in which a curved corner is located, each by a corrector. Six are enough in tests/branches.
+_ROUNDS = 12
+#: Distance from a corner, relative to the length, that is none: ten times the rounding of theta. 1e-10 and 1e-12 give
+#: the same paths in tests/branches.
+_ON = 1e-11
+#: Directions that are tried where several contact points meet a corner together. All, one alone, and all but one come
+#: first, so that 30 are enough in tests/branches; of k points there are 2^k - 1.
 _WAYS = 300
 
 
@@ -61,7 +65,7 @@ class GraphFollower(Follower):
         """Whether the load has ceased to change, and no corner lies ahead; what is left of it falls like 1/slip."""
         chain, moves = self.chain, max(float(np.abs(v[:-1]).max()), 1e-300)
         gone = max(float(np.abs(theta).max()), _PROBE * chain.length)
-        if abs(float(v[-1])) * gone > _LEFT * (self.high - self.low) * moves:
+        if abs(float(v[-1])) * gone > SAME_LOAD * (self.high - self.low) * moves:
             return False
         return chain.leaves(theta, side, _FAR * chain.length / moves * v[:-1], _CURVED, _HALVES) is None
 
@@ -161,7 +165,7 @@ class GraphFollower(Follower):
             F, J = chain.balance(theta, self.chain.here, force)
             if chain.rounds(F, theta, self.chain.here, force):
                 return theta
-            theta = theta - np.linalg.lstsq(J, F, rcond=_FREE)[0]
+            theta = theta - np.linalg.lstsq(J, F, rcond=FREE)[0]
         return None
 
     # ---- corners ----------------------------------------------------------------------------------------
@@ -238,7 +242,7 @@ class GraphFollower(Follower):
 
 def _beside(missed: Array, increment: Array, length: float) -> bool:
     """Whether what a way missed is small beside it, so that it leads there."""
-    return bool(np.abs(missed).max() <= _NEARBY * np.abs(increment).max() + BESIDE * length)
+    return bool(np.abs(missed).max() <= 0.5 * np.abs(increment).max() + BESIDE * length)
 
 
 def _choices(size: int) -> Iterator[BoolArray]:

@@ -34,15 +34,21 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["SearchProgress", "SolutionSearch"]
 
-#: Steps of Newton's method to a saddle.
+#: Steps of Newton's method to a saddle. 12 and 50 give the same solutions in tests/branches.
 _NEWTON = 25
-#: Starts that are deflated side by side, and entries of their Jacobians at most: 8 MiB.
-_AT_ONCE, _ENTRIES = 20, 2**20
-#: Relative residual of a start whose pieces and kinks are tried.
+#: Starts that are deflated side by side: what one finds, the others no longer go to. 5 and 80 give the same solutions
+#: in tests/branches.
+_AT_ONCE = 20
+#: Entries of their Jacobians at most, which take 8 MiB.
+_ENTRIES = 2**20
+#: Relative residual of a start whose pieces and kinks are tried. 1e-1 and 1e-3 give the same solutions in
+#: tests/branches.
 _ROUGH = 1e-2
-#: Part of the length of a chain by which two zeros differ.
+#: Part of the length of a chain by which two zeros differ. They are solved to 1e-12 of the force; 1e-8 and 1e-10
+#: give the same solutions in tests/branches.
 _APART = 1e-9
-#: Points of glue that couples of which all combinations of intact and broken are tried.
+#: Points of glue that couples of which all 2^4 combinations of intact and broken are tried; with more points, so many
+#: at random. 2 and 6 give the same solutions in tests/branches.
 _COMBINED = 4
 #: Methods that start from where they begin by themselves.
 _SOLVERS = (NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL), LoadStepping())
