@@ -36,7 +36,8 @@ Model: TypeAlias = "str | Path | Callable[[Mapping[str, float]], ProblemLike]"
 
 #: Tables of a problem file whose keys a column may set.
 _SET_BY_COLUMNS = ("loads", "supports", "contact")
-#: How far the range of a parameter reaches to both sides of its value in the file, as a factor.
+#: How far the range of a parameter reaches to both sides of its value in the file, as a factor. A choice: a decade to
+#: both sides of a guess that is right up to a factor of two.
 _RANGE = 20.0
 
 

@@ -22,6 +22,7 @@ __all__ = ["Measurements", "read_measurements"]
 
 #: Columns whose names say that they were measured: goals, with a component.
 _MEASURED = re.compile(r"(contact|support)\..+\.force\.[xyz]|boundary\..+\.displacement\.[xyz]")
+#: Rows of a curve at most: each is a problem that is solved in every iteration of the fit.
 _MOST_ROWS = 100_000
 _COMMAS = "commas between columns, points in numbers"
 _EXAMPLE = "as in 'supports.top.y' for what was set and 'support.top.force.y' for what was measured"
