@@ -38,8 +38,8 @@ _CHANGE = 1e-6
 #: Misfit that is given to parameters for which the body cannot be solved, in units of the largest measured value. 1e2
 #: and 1e4 give the same fits in tests/identification.
 _NO_ANSWER = 1e3
-#: How many times more or less than the first guess a curve is before its units are doubted. A choice: a mistaken unit is
-#: mostly a factor of 1000.
+#: How many times more or less than the first guess a curve is before its units are doubted. A choice: a mistaken unit
+#: is mostly a factor of 1000.
 _UNITS = 100.0
 #: Standard errors, relative to the parameter, beyond which it counts as not identified. A choice: at 0.5 an interval of
 #: 95 % reaches zero.

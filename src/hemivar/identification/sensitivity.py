@@ -20,8 +20,8 @@ from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["derivative_by_law"]
 
-#: Part of the largest step for which the proximal map of a law that softens has one value: below one, where its Lipschitz
-#: constant 1/(1 - 0.4) is small. 0.1 and 0.8 give the same fits in tests/identification.
+#: Part of the largest step for which the proximal map of a law that softens has one value: below one, and its Lipschitz
+#: constant is 1/(1 - 0.4). 0.1 and 0.8 give the same fits in tests/identification.
 _CONVEX = 0.4
 #: Part of the compliance that is the step where a law falls at once; at the fall itself no step is small enough. 1e-2
 #: and 1e-4 give the same fits in tests/identification.
