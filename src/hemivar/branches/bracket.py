@@ -186,24 +186,7 @@ def load_bracket(
 def bracketing(
     problem: ProblemLike, options: BracketOptions, *, workspace: Workspace | None = None
 ) -> Generator[Reached, bool | None, LoadBracket]:
-    """:func:`load_bracket` load by load: yields every load factor, ends after it if it is sent True.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem or ContactProblem
-    options : BracketOptions
-    workspace : Workspace, optional
-
-    Yields
-    ------
-    Reached
-        Every load factor; the generator returns a :class:`LoadBracket`.
-
-    Raises
-    ------
-    ProblemError, MethodError
-        As :func:`load_bracket`.
-    """
+    """:func:`load_bracket` load by load: yields every load factor, ends after it if it is sent True."""
     line, kept, budget = (
         growing(problem, "load_bracket", options.constant),
         Workspace.given(workspace),

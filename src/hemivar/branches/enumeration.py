@@ -32,55 +32,26 @@ _LINES = 500
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A point that fulfils the law of its combination up to rounding.
+    """A point that fulfils the law of its combination up to rounding."""
 
-    Attributes
-    ----------
-    r, lam : arrays (n,)
-        Displacement and multiplier of the free components, moved to the ends of their segments where rounding alone
-        had them beyond.
-    segment : int array (n,)
-    error : array (n,)
-        Bound of the rounding error of r.
-    rounding : float
-        What rounding can leave in the residual of the point (force): that of the law's table and of the stiffness.
-    """
-
-    r: Array
-    lam: Array
-    segment: IntArray
-    error: Array
-    rounding: float
+    r: Array  # (n,): of the free components, at the ends of their segments where rounding alone had it beyond
+    lam: Array  # (n,)
+    segment: IntArray  # (n,)
+    error: Array  # (n,): bound of the rounding error of r
+    rounding: float  # a force: what law and stiffness, rounded, can leave in the residual of the point
 
 
 @dataclass(frozen=True, eq=False)
 class Enumeration:
-    """What the combinations gave.
-
-    Attributes
-    ----------
-    candidates : list of Candidate
-    continuum : bool
-        Whether some combination has a continuum of solutions (then one of them is given).
-    undecided : int
-        Combinations with so many solutions that not all of them were looked at.
-    """
+    """What the combinations gave."""
 
     candidates: list[Candidate]
-    continuum: bool
-    undecided: int
+    continuum: bool  # whether a combination has a continuum of solutions, of which one is given
+    undecided: int  # combinations with so many solutions that not all were looked at
 
 
 def enumerate_points(chain: Chain, check: Callable[[], None] = lambda: None) -> Enumeration:
-    """Try every combination of segments.
-
-    Parameters
-    ----------
-    chain : Chain
-        All its segments affine.
-    check : function
-        Called now and then; what it raises ends the search.
-    """
+    """Try every combination of segments, all affine; ``check`` is called now and then and ends it by what it raises."""
     n = chain.size
     if n == 0:
         empty = np.zeros(0)

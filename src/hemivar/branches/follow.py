@@ -17,7 +17,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
-from hemivar.branches.nonlinear_follower import NonlinearFollower, linear_in_place
+from hemivar.branches.nonlinear_follower import NonlinearFollower, tangent_body
 from hemivar.branches.path import SAME_LOAD, Bifurcation, Fold, Path, PathEnd, PathJump
 from hemivar.branches.path_quantities import PathQuantity, checked_until, quantity_on
 from hemivar.discrete.contact import ContactPoints
@@ -180,31 +180,7 @@ def following(
     start: Solution | Array | None = None,
     workspace: Workspace | None = None,
 ) -> Generator[PathProgress, bool | None, Path]:
-    """:func:`follow_path` point by point: yields every point, ends after it if it is sent True, returns the path.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem or ContactProblem
-    options : PathOptions
-    unloaded : DiscreteProblem, optional
-        As in :func:`follow_path`.
-    start : Solution or array, optional
-        As in :func:`follow_path`.
-    workspace : Workspace, optional
-        Where factors and levels are kept.
-
-    Yields
-    ------
-    PathProgress
-        Every point; the generator returns a :class:`Path`.
-
-    Raises
-    ------
-    MethodError
-        A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
-    ProblemError
-        Nothing grows, no contact point can move, or there is no equilibrium from which to start within the time.
-    """
+    """:func:`follow_path` point by point: yields every point, ends after it if it is sent True, returns the path."""
     line = growing(problem, "follow_path", options.constant)
     problem = line.loaded
     nonlinear = isinstance(problem.bulk, Potential)
@@ -225,7 +201,7 @@ def following(
     budget = Budget(options.max_time)
     largest = line.at(max(low, high, key=abs))  # by whose displacements steps are measured
     if nonlinear:
-        system = condense(linear_in_place(largest, np.zeros(problem.unknowns)))
+        system = condense(tangent_body(largest, np.zeros(problem.unknowns)))
     else:
         system = kept.condensed(problem).for_problem(largest)
     if not system.active.any():

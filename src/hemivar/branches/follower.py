@@ -585,8 +585,8 @@ class FollowedPoint:
         return self.segment if self.event is None else self.event.segment
 
 
-#: A place with its segments and its load.
-_Place: TypeAlias = tuple[Array, AnyArray, float]
+#: theta (n,) with its segments and its load.
+_State: TypeAlias = tuple[Array, AnyArray, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -619,12 +619,12 @@ class _Step:
         return self.follower.chain.between(self.segment)
 
     @property
-    def middle(self) -> _Place:
+    def middle(self) -> _State:
         """The middle of the chord."""
         return 0.5 * (self.theta + self.new.theta), self.inner, 0.5 * (self.t + self.new.t)
 
     @cached_property
-    def ends(self) -> tuple[_Place, _Place]:
+    def ends(self) -> tuple[_State, _State]:
         """Both ends on the segments that the step has there; a little within where they end there."""
         increment, load, new = self.new.theta - self.theta, self.new.t - self.t, self.new
         first, last = 0.0 if self.smooth else _SAME, 0.0 if new.event is None else _SAME

@@ -83,20 +83,11 @@ class Corner:
 
 @dataclass(frozen=True, eq=False)
 class GraphChart(Curves):
-    """The graphs of all contact points, in one chart; a ``segment`` is a small vector (n,) into a piece.
-
-    Attributes
-    ----------
-    system : CondensedProblem
-    a : array (m, 2)
-        Stiffness (force per area and length) of the chart, for the normal and the tangential part.
-    first : array (m, c)
-        Where the path begins, in the chart of its own stiffness.
-    """
+    """The graphs of all contact points, in one chart; a ``segment`` is a small vector (n,) into a piece."""
 
     system: CondensedProblem
-    a: Array
-    first: Array
+    a: Array  # (m, 2): stiffness (force per area and length) of the chart, normal and tangential
+    first: Array  # (m, c): where the path begins, in the chart of its own stiffness
 
     @property
     def law(self) -> VectorLaw:
@@ -193,8 +184,8 @@ class GraphChart(Curves):
         return Recent(6)  # of all points, of the rows evaluated together, and of single ones
 
     def look_up(self, thetas: Array) -> None:
-        """Evaluate pairs at places (k, n) together."""
-        r, lam, slope = self._of_places(thetas)
+        """Evaluate pairs at thetas (k, n) together."""
+        r, lam, slope = self._pairs_at(thetas)
         for i, theta in enumerate(thetas):
             self._known.once(theta.tobytes(), partial(tuple, (r[i], lam[i], slope[i])))
 
@@ -203,7 +194,7 @@ class GraphChart(Curves):
         return self.pairs(theta + side)[2]
 
     def pair_of(self, j: int, theta: Array) -> Array:
-        """dr/dtheta (k, c, c) of one contact point at places theta (k, c)."""
+        """dr/dtheta (k, c, c) of one contact point at thetas (k, c)."""
         index = np.full(len(theta), j)
         return self._pairs_of(theta, index)[2]
 
@@ -216,11 +207,11 @@ class GraphChart(Curves):
 
     def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
         some = 100  # whose pairs are evaluated together
-        parts = [self._of_places(np.array(theta[i : i + some])) for i in range(0, len(theta), some)]
+        parts = [self._pairs_at(np.array(theta[i : i + some])) for i in range(0, len(theta), some)]
         return np.concatenate([r for r, _, _ in parts]), np.concatenate([lam for _, lam, _ in parts])
 
-    def _of_places(self, theta: Array) -> tuple[Array, ...]:
-        """r, lambda (k, m, c) and dr/dtheta (k, m, c, c) at places (k, n)."""
+    def _pairs_at(self, theta: Array) -> tuple[Array, ...]:
+        """r, lambda (k, m, c) and dr/dtheta (k, m, c, c) at thetas (k, n)."""
         index = np.tile(np.arange(self.system.shape[0]), len(theta))
         pairs = self._pairs_of(theta, index)
         return tuple(part.reshape(len(theta), -1, *part.shape[1:]) for part in pairs)
@@ -480,10 +471,7 @@ def _normals(jump: Array, increment: Array) -> Array:
 def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart | None = None) -> GraphChart:
     """The chart of a condensed problem near a state ``r, lam (m, c)``, and where a ``known`` one was enough.
 
-    Raises
-    ------
-    MethodError
-        A law falls at once, so that it has no chart.
+    Raises :class:`MethodError` where a law falls at once, for it has no chart.
     """
     alpha = _least(system.law, r, lam)
     if not np.isfinite(alpha).all():

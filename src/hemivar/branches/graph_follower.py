@@ -35,7 +35,7 @@ _ROUNDS = 12
 _ON = 1e-11
 #: Directions that are tried where several contact points meet a corner together. All, one alone, and all but one come
 #: first, so that 30 are enough in tests/branches; of k points there are 2^k - 1.
-_WAYS = 300
+_DIRECTIONS = 300
 
 
 class OutOfChartError(Exception):
@@ -249,7 +249,7 @@ def _choices(size: int) -> Iterator[BoolArray]:
     """Which of several points pass a corner: all, one alone, all but one, then two and so on; at least one."""
     counts = dict.fromkeys(count for k in range(size) for count in (size - k, 1 + k))
     subsets = (chosen for count in counts for chosen in itertools.combinations(range(size), count))
-    for chosen in itertools.islice(subsets, _WAYS):
+    for chosen in itertools.islice(subsets, _DIRECTIONS):
         passing = np.zeros(size, dtype=bool)
         passing[list(chosen)] = True
         yield passing

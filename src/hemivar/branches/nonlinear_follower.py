@@ -21,7 +21,7 @@ from hemivar.fem import LoadLine
 from hemivar.systems.condensed import CondensedProblem, condense
 from hemivar.systems.nonlinear_body import linear_bulk
 
-__all__ = ["NonlinearFollower", "linear_in_place"]
+__all__ = ["NonlinearFollower", "tangent_body"]
 
 #: Part of the range of loads over which the rate of the forces is taken by a difference: exact but for rounding where
 #: loads are linear in the factor. 1e-5 and 1e-7 give the same paths in tests/branches.
@@ -107,14 +107,14 @@ class NonlinearFollower(GraphFollower):
         """The body in equilibrium but for its contact points: by a stiffness near, or by its own."""
         body = self._last[0]
         for _ in range(_STIFFNESSES):
-            u, balanced = _settled(body, problem, r)
-            if balanced:
+            u, converged = _balanced(body, problem, r)
+            if converged:
                 return _TangentBody(u, body.system)
             body = _TangentBody(u, _condensed(problem, u))
         raise _LostError
 
 
-def linear_in_place(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
+def tangent_body(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
     """The linear body that has the forces and the stiffness of a body at unknowns (n,)."""
     bulk = linear_bulk(problem.bulk, u)
     return problem.under(problem.out_of_balance(u) + bulk.gradient(u), bulk=bulk)
@@ -122,7 +122,7 @@ def linear_in_place(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
 
 def _condensed(problem: DiscreteProblem, u: Array) -> CondensedProblem:
     try:
-        return condense(linear_in_place(problem, u))
+        return condense(tangent_body(problem, u))
     except ProblemError:  # the material has softened
         raise _LostError from None
 
@@ -134,7 +134,7 @@ def _under(body: _TangentBody, problem: DiscreteProblem) -> CondensedProblem:
     return body.system.for_problem(own.under(load, offset=problem.offset))
 
 
-def _settled(body: _TangentBody, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
+def _balanced(body: _TangentBody, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
     """The unknowns after corrections by the stiffness of a place, and whether they stand; the last good ones if not."""
     bulk, last = cast(Potential, problem.bulk), np.inf
     extent = float(np.abs(bulk.energy.origin).max())

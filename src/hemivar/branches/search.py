@@ -432,11 +432,11 @@ class SolutionSearch:
             step = 1e-3 * chain.length
             if not chain.stable(theta, segment):
                 for sign in (-1.0, 1.0):
-                    self.run(descent, self.system.start(r + sign * step * _way_down(chain, theta, segment)))
+                    self.run(descent, self.system.start(r + sign * step * _descent_direction(chain, theta, segment)))
             yield
 
 
-def _way_down(chain: Chain, theta: Array, segment: IntArray) -> Array:
+def _descent_direction(chain: Chain, theta: Array, segment: IntArray) -> Array:
     """A direction (m, d) along which the energy falls from an unstable point, on both sides of it."""
     out = np.zeros(chain.system.shape)
     direction = np.zeros(chain.size)

@@ -199,20 +199,7 @@ def find_solutions(
 def finding(
     problem: ProblemLike, options: SolutionsOptions, workspace: Workspace | None = None
 ) -> Generator[SearchProgress, bool | None, SolutionSet]:
-    """:func:`find_solutions` start by start: yields each, ends after it if it is sent True, returns the solutions.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem or ContactProblem
-    options : SolutionsOptions
-    workspace : Workspace, optional
-        Where factors and levels are kept.
-
-    Yields
-    ------
-    SearchProgress
-        Every start; the generator returns a :class:`SolutionSet`.
-    """
+    """:func:`find_solutions` start by start: yields each, ends after it if it is sent True, returns the solutions."""
     kept = Workspace.given(workspace)
     problem = as_discrete(problem, "find_solutions")
     budget = Budget(options.controls.max_time)

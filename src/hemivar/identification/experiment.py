@@ -36,22 +36,11 @@ class Experiment:
     """The rows of an experiment on one body, from the first to the last.
 
     What is measured is affine in the local displacements of the contact points: ``y = L r + c``, L the same for all.
-
-    Attributes
-    ----------
-    problems : tuple of DiscreteProblem
-        One for each row; they share their model, so that the body is condensed once.
-    linear : array (q, m, d)
-        L.
-    constants : array (n, q)
-        c, of each row.
-    workspace : Workspace
-    controls : Controls
     """
 
-    problems: tuple[DiscreteProblem, ...]
-    linear: Array
-    constants: Array
+    problems: tuple[DiscreteProblem, ...]  # one for each row, on one model, so that the body is condensed once
+    linear: Array  # (q, m, d): L
+    constants: Array  # (n, q): c of each row
     workspace: Workspace = field(repr=False)
     controls: Controls = field(default_factory=Controls)
 
@@ -59,22 +48,7 @@ class Experiment:
     def of(
         cls, problems: Sequence[DiscreteProblem], quantities: Sequence[str], controls: Controls | None = None
     ) -> Experiment:
-        """The experiment whose rows are stated, each discretised.
-
-        Parameters
-        ----------
-        problems : sequence of DiscreteProblem
-            With the same body; loads, prescribed displacements and gaps may differ.
-        quantities : sequence of str
-            What is measured, each with its component, see :func:`hemivar.bounds.goal_named`.
-        controls : Controls, optional
-
-        Raises
-        ------
-        ProblemError
-            The bodies differ, are not linear, were made of arrays, have no contact point or a law that depends on the
-            state; a quantity is not known.
-        """
+        """Rows of one body, each discretised, and what is measured, with its component, see :func:`.goal_named`."""
         first = problems[0]
         if first.origin is None or first.origin.kind:
             raise ProblemError(f"{_WHAT} needs a ContactProblem of an elastic body; state it, or read it from a file")

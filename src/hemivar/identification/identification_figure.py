@@ -34,17 +34,7 @@ def fit_summary(fit: Fit) -> Summary:
 
 
 def fit_table(fit: Fit, title: str = "") -> Table:
-    """One line for each parameter: value, interval, standard error, and whether the curve tells it.
-
-    Parameters
-    ----------
-    fit : Fit
-    title : str, optional
-
-    Returns
-    -------
-    Table
-    """
+    """One line for each parameter: value, interval, standard error, and whether the curve tells it."""
     columns = ("parameter", "value", "low", "high", "standard error", "identified")
     rows = []
     for i, parameter in enumerate(fit.parameters):
@@ -60,23 +50,7 @@ def fit_table(fit: Fit, title: str = "") -> Table:
 
 
 def plot_fit(fit: Fit, *, title: str | None = None) -> Figure:
-    """The measured curve, the fit, what is left, and the intervals of the parameters.
-
-    Parameters
-    ----------
-    fit : Fit
-        Of one quantity or more; each has a panel, over the first column of what was set.
-    title : str, optional
-
-    Returns
-    -------
-    Figure
-
-    Raises
-    ------
-    ProblemError
-        It is no fit.
-    """
+    """The measured curve, the fit, what is left, and the intervals of the parameters."""
     if not isinstance(fit, Fit):
         raise ProblemError("plot_fit draws what hemivar.identification.identify returns; give that")
     from matplotlib.ticker import MaxNLocator

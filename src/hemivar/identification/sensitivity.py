@@ -31,21 +31,10 @@ _BRITTLE = 1e-3
 def derivative_by_law(
     system: CondensedProblem, r: Array, multiplier: Array, changed: Sequence[tuple[VectorLaw, float]]
 ) -> Array:
-    """Derivative of the local displacements of a solution by parameters of its law.
+    """Derivative (m, d, p) of the local displacements of a solution by parameters of its law.
 
-    Parameters
-    ----------
-    system : CondensedProblem
-        The condensed body with the law.
-    r, multiplier : arrays (m, d)
-        The solution at the contact points.
-    changed : sequence of (VectorLaw, float)
-        For each parameter the law with that parameter changed a little, and by how much.
-
-    Returns
-    -------
-    array, shape (m, d, p)
-        Infinite where the solution is no isolated one, as at a fold.
+    ``r, multiplier (m, d)``: the solution. ``changed``: for each parameter the law with it changed a little, and by how
+    much. Infinite where the solution is no isolated one, as at a fold.
     """
     m, d = r.shape
     tau = _steps(system)
