@@ -66,7 +66,7 @@ def test_what_one_start_finds_is_deflated_for_the_others(monkeypatch: pytest.Mon
     random, budget = np.random.default_rng(0), Budget(np.inf)
     search = SolutionSearch(system, kept, chain_of(system), Controls(), 100, random, budget)
     assert sum(1 for _ in search.from_deflation(10)) == search.starts == 20
-    found = np.array([solution.local[0, 0] for solution in search.found])
+    found = np.array([solution.local[0, 0] for solution in search.solutions])
     assert len(found) > 1
     by_hand = np.array([0.5 * 0.45 / 2.5, (0.5 * 0.45 - 0.29) / (0.5 - 0.9), 0.45])
     assert np.abs(found[:, None] - by_hand).min(axis=1).max() < 1e-9

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.branches.nonlinear_follower import linear_in_place
+from hemivar.branches.nonlinear_follower import tangent_body
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, march
 from hemivar.fem import LoadLine
@@ -45,7 +45,7 @@ def test_a_part_of_a_load_whose_square_underflows_is_carried(
 def test_the_linear_body_in_place_of_one_at_rest_has_no_load_to_speak_of() -> None:
     line = LoadLine.of(held_or_moved(SOFTENING, hv.Signorini()))
     rest = line.at(NOTHING)
-    body = linear_in_place(rest, NOTHING * np.ones(rest.unknowns))
+    body = tangent_body(rest, NOTHING * np.ones(rest.unknowns))
     assert 0.0 < np.abs(body.load).max() < 1e-145
 
 

@@ -95,6 +95,30 @@ def test_a_curve_that_ends_before_the_peak_leaves_what_comes_after_it_open() -> 
     assert found.value("stiffness") == pytest.approx(40.0, rel=0.1)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_parameter_that_the_curve_does_not_depend_on_is_named_and_no_more_is_printed() -> None:
+    """A block without lateral strain slips nowhere, so that the friction bound, whose range reaches zero, is open."""
+
+    def state(values: Mapping[str, float]) -> hv.ContactProblem:
+        return hv.ContactProblem(
+            hv.rectangle((1.0, 1.0), (3, 1)), hv.Material.young(10.0, 0.0),
+            {"bottom": hv.Contact(hv.Compliance(values["stiffness"]), hv.Tresca(values["bound"]))},
+            {"left": "roller"}, tractions={"top": (0.0, -values["push"])},
+        )  # fmt: skip
+
+    pushed = np.array([0.1, 0.2, 0.3])
+    measured = Measurements({"push": pushed}, {"boundary.top.displacement.y": -pushed * (1.0 / 10.0 + 1.0 / 7.0)})
+    ranges = {"stiffness": (1.0, 50.0), "bound": (0.0, 5.0)}
+    found = hv.identification.identify(state, measured, ranges, FitOptions(starts=1))
+    assert found.identified == (True, False)
+    assert found.value("stiffness") == pytest.approx(7.0, rel=1e-6)
+    assert [text for text in found.messages if "does not depend on it" in text] == [
+        "bound is not identifiable from this curve: the curve does not depend on it; leave it out of the fit, or "
+        "measure where it acts"
+    ]
+    assert "bound 2.5 (any), not identifiable" in " ".join(str(found.summary()).split())
+
+
 @pytest.mark.parametrize("starts", [1, slow(2)])
 def test_two_springs_in_a_row_cannot_be_told_apart(starts: int) -> None:
     """The curve depends on the product of two parameters alone: the direction of what it cannot tell is named."""

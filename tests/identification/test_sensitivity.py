@@ -125,3 +125,19 @@ def test_derivatives_of_a_law_that_couples_opening_and_slip(pull: float) -> None
 
     ours, slow = _derivatives(statement, contact, values, pull)
     np.testing.assert_allclose(ours, slow, atol=1e-5 * np.abs(slow).max())
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_contact_point_that_a_support_holds_along_the_boundary_does_not_hide_the_parameter() -> None:
+    """A column beside a roller, on springs: ``u = -p (1/E + 1/k)``, so that du/dk = p/k^2 at every point."""
+    k, pressure = 7.0, 0.3
+
+    def statement(load: float) -> hv.ContactProblem:
+        return hv.ContactProblem(
+            hv.rectangle((1.0, 1.0), (3, 2)), hv.Material.young(10.0, 0.0), {"bottom": hv.Contact(hv.Compliance(k))},
+            {"left": "roller"}, tractions={"top": (0.0, -load)},
+        )  # fmt: skip
+
+    ours, slow = _derivatives(statement, lambda v: hv.Contact(hv.Compliance(v[0])), np.array([k]), pressure)
+    np.testing.assert_allclose(ours[:, 0, 0], -pressure / k**2, rtol=1e-5)
+    np.testing.assert_allclose(ours, slow, atol=1e-5 * pressure / k**2)

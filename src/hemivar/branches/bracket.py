@@ -1,4 +1,4 @@
-"""What a body carries: the load grows from zero until no equilibrium is found."""
+"""A bracket of the limit load: the load grows from zero until no equilibrium is found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hemivar.basics.display import brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.branches.follow import PathOptions, following
-from hemivar.branches.path import Path
+from hemivar.branches.path import SAME_LOAD, Path
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine
 from hemivar.fem.as_discrete import ProblemLike
@@ -33,12 +33,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["BracketOptions", "LoadBracket", "Reached", "bracketing", "load_bracket"]
 
-#: Part of a load below which nothing of it counts as carried.
-_NOTHING = 1e-9
 #: Ends of a search that say what the body does, not how the iteration failed.
 _AWAY = (Status.UNBOUNDED, Status.NOT_CARRIED)
-#: Points of the path on which a fold is looked for, at most.
-_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -115,19 +111,19 @@ class LoadBracket:
     def wide(self) -> bool:
         """Whether the bracket is open by more than 1 % of its upper end, and that is more than nothing."""
         low, high = self.carried, self.not_carried
-        return high is not None and high > _NOTHING and high - low > LoadStepping().width * high
+        return high is not None and high > SAME_LOAD and high - low > LoadStepping().width * high
 
     def __str__(self) -> str:
         if self.ended is Status.CONVERGED:
             return f"carries the load up to the factor {self.upto:g}, the largest that was tried"
-        found = f"equilibria up to the load factor {self.carried:.4g}"
-        found = found if self.carried else "carries nothing" if self.complete else "no equilibrium under load yet"
+        carried = f"equilibria up to the load factor {self.carried:.4g}"
+        carried = carried if self.carried else "carries nothing" if self.complete else "no equilibrium under load yet"
         if self.fold is not None:
-            return f"{found}, {self.not_carried:.4g} is not carried: the path folds at {self.fold:.4g}"
+            return f"{carried}, {self.not_carried:.4g} is not carried: the path folds at {self.fold:.4g}"
         none = "" if self.not_carried is None else f", no equilibrium found at {self.not_carried:.4g}"
         how = "the iteration failed there" if self.complete else "the bracket is not closed"
         how = "the body ran away there" if self.ended in _AWAY else how
-        return f"{found}{none} ({how}: {self.ended.value})"
+        return f"{carried}{none} ({how}: {self.ended.value})"
 
 
 @known_keywords
@@ -190,48 +186,31 @@ def load_bracket(
 def bracketing(
     problem: ProblemLike, options: BracketOptions, *, workspace: Workspace | None = None
 ) -> Generator[Reached, bool | None, LoadBracket]:
-    """:func:`load_bracket` load by load: yields every load factor, ends after it if it is sent True.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem or ContactProblem
-    options : BracketOptions
-    workspace : Workspace, optional
-
-    Yields
-    ------
-    Reached
-        Every load factor; the generator returns a :class:`LoadBracket`.
-
-    Raises
-    ------
-    ProblemError, MethodError
-        As :func:`load_bracket`.
-    """
+    """:func:`load_bracket` load by load: yields every load factor, ends after it if it is sent True."""
     line, kept, budget = (
         growing(problem, "load_bracket", options.constant),
         Workspace.given(workspace),
         Budget(options.max_time),
     )
     line.check_grows()
-    found = yield from _within(line, options.upto, kept, budget, options, 0)
-    while found.complete and found.wide:  # steps that are parts of a smaller load are small enough
-        assert found.not_carried is not None
-        found = yield from _within(line, found.not_carried, kept, budget, options, found.tried)
+    bracket = yield from _within(line, options.upto, kept, budget, options, 0)
+    while bracket.complete and bracket.wide:  # steps that are parts of a smaller load are small enough
+        assert bracket.not_carried is not None
+        bracket = yield from _within(line, bracket.not_carried, kept, budget, options, bracket.tried)
     try:
-        fold = _fold(line, found, kept, budget)
-        return found if fold is None else replace(found, fold=fold, ended=Status.NOT_CARRIED)
+        fold = _fold(line, bracket, kept, budget)
+        return bracket if fold is None else replace(bracket, fold=fold, ended=Status.NOT_CARRIED)
     except KeyboardInterrupt:
-        return replace(found, ended=Status.INTERRUPTED)
+        return replace(bracket, ended=Status.INTERRUPTED)
 
 
-def _fold(line: LoadLine, found: LoadBracket, kept: Workspace, budget: Budget) -> float | None:
+def _fold(line: LoadLine, bracket: LoadBracket, kept: Workspace, budget: Budget) -> float | None:
     """Where the load turns back within a bracket that is closed; None where that was not found."""
-    low, high = found.carried, found.not_carried
-    if not found.complete or high is None or not low or not affordable(line.loaded) or stiffens(line.loaded):
+    low, high = bracket.carried, bracket.not_carried
+    if not bracket.complete or high is None or not low or not affordable(line.loaded) or stiffens(line.loaded):
         return None
-    short = PathOptions((low, high), max_points=_POINTS, max_time=budget.left)
-    running = following(line.loaded, short, unloaded=line.unloaded, start=found.solution, workspace=kept)
+    short = PathOptions((low, high), max_points=200, max_time=budget.left)
+    running = following(line.loaded, short, unloaded=line.unloaded, start=bracket.solution, workspace=kept)
     forth, highest, turned = False, low, False
     try:
         while True:  # first back to the lower end, then forth until the load turns

@@ -1,4 +1,4 @@
-"""All stationary points of a problem whose laws are piecewise quadratic: every combination of segments is tried.
+"""All stationary points by enumeration of active sets: laws are piecewise quadratic, every combination is tried.
 
 On a combination the law is affine where a component moves and free where it is held at a kink, so that one linear
 system for the components that move gives all of it.  Every point comes with a bound of its rounding error, and every
@@ -19,71 +19,45 @@ from hemivar.systems.chain import Chain
 
 __all__ = ["Candidate", "Enumeration", "enumerate_points"]
 
+#: Combinations whose systems are solved together: their matrices take 32 KiB for each squared component.
 _CHUNK = 4096
 _EPS = float(np.finfo(float).eps)
 #: Eigenvalues of the scaled system this small, relative to the largest one, count as zero.
 _SINGULAR = 64.0 * _EPS
-#: Combinations with a singular and consistent system that are looked at; more are left undecided.
+#: Combinations with a singular and consistent system that are looked at, each by a linear program;
+#: more are counted as undecided, and the set of solutions is then not complete. 50 and 5 000 give the same answers in
+#: tests/branches.
 _LINES = 500
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A point that fulfils the law of its combination up to rounding.
+    """A point that fulfils the law of its combination up to rounding."""
 
-    Attributes
-    ----------
-    r, lam : arrays (n,)
-        Displacement and multiplier of the free components, moved to the ends of their segments where rounding alone
-        had them beyond.
-    segment : int array (n,)
-    error : array (n,)
-        Bound of the rounding error of r.
-    rounding : float
-        What rounding can leave in the residual of the point (force): that of the law's table and of the stiffness.
-    """
-
-    r: Array
-    lam: Array
-    segment: IntArray
-    error: Array
-    rounding: float
+    r: Array  # (n,): of the free components, at the ends of their segments where rounding alone had it beyond
+    lam: Array  # (n,)
+    segment: IntArray  # (n,)
+    error: Array  # (n,): bound of the rounding error of r
+    rounding: float  # a force: what law and stiffness, rounded, can leave in the residual of the point
 
 
 @dataclass(frozen=True, eq=False)
 class Enumeration:
-    """What the combinations gave.
-
-    Attributes
-    ----------
-    candidates : list of Candidate
-    continuum : bool
-        Whether some combination has a continuum of solutions (then one of them is given).
-    undecided : int
-        Combinations with so many solutions that not all of them were looked at.
-    """
+    """What the combinations gave."""
 
     candidates: list[Candidate]
-    continuum: bool
-    undecided: int
+    continuum: bool  # whether a combination has a continuum of solutions, of which one is given
+    undecided: int  # combinations with so many solutions that not all were looked at
 
 
 def enumerate_points(chain: Chain, check: Callable[[], None] = lambda: None) -> Enumeration:
-    """Try every combination of segments.
-
-    Parameters
-    ----------
-    chain : Chain
-        All its segments affine.
-    check : function
-        Called now and then; what it raises ends the search.
-    """
+    """Try every combination of segments, all affine; ``check`` is called now and then and ends it by what it raises."""
     n = chain.size
     if n == 0:
         empty = np.zeros(0)
         return Enumeration([Candidate(empty, empty, np.zeros(0, dtype=np.int64), empty, 0.0)], False, 0)
     tables = _Tables(chain)
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     continuum, undecided, lines = False, 0, 0
     total = int(chain.combinations)
     for first in range(0, total, _CHUNK):
@@ -100,10 +74,10 @@ def enumerate_points(chain: Chain, check: Callable[[], None] = lambda: None) -> 
                 line = tables.on_a_line(batch, int(b))
                 if line is not None:
                     continuum = True
-                    found.append(line)
+                    candidates.append(line)
                 continue
-            found.append(tables.candidate(choice[b], batch.r[b], batch.lam[b], batch.error[b]))
-    return Enumeration(found, continuum, undecided)
+            candidates.append(tables.candidate(choice[b], batch.r[b], batch.lam[b], batch.error[b]))
+    return Enumeration(candidates, continuum, undecided)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +104,7 @@ class _Tables:
         self.rows = np.arange(n)
         base, slope = chain.affine_pieces
         self.kink = kink
-        self.place = np.where(kink, chain.knot, chain.value)  # r: of a kink, or of a point of a piece
+        self.origin = np.where(kink, chain.knot, chain.value)  # r: of a kink, or of a point of a piece
         self.base, self.slope = base, slope  # lambda there, and its slope
         self.low, self.high = np.where(kink, chain.knot, chain.low), np.where(kink, chain.knot, chain.high)
         self.least = np.where(kink, np.minimum(chain.low, chain.high), -np.inf)
@@ -144,7 +118,7 @@ class _Tables:
         A, w, g = chain.matrix, chain.weights, chain.force
         size_of = np.abs(A)
         kink = self.kink[rows, choice]
-        place, base, slope = self.place[rows, choice], self.base[rows, choice], self.slope[rows, choice]
+        origin, base, slope = self.origin[rows, choice], self.base[rows, choice], self.slope[rows, choice]
         slope, base = np.where(kink, 0.0, slope), np.where(kink, 0.0, base)
         moving = ~kink
         J = A[None] * (moving[:, :, None] & moving[:, None, :])
@@ -158,20 +132,20 @@ class _Tables:
         with np.errstate(divide="ignore"):
             inverse_values = np.where(small, 0.0, 1.0 / values)
         # x = V diag(1/values) V' rhs, all in scaled unknowns
-        rhs = np.where(moving, g - place @ A - w * base, 0.0)
+        rhs = np.where(moving, g - origin @ A - w * base, 0.0)
         parts = np.einsum("bij,bi->bj", vectors, scale * rhs)
         y = scale * np.einsum("bij,bj->bi", vectors, inverse_values * parts)
         # one step of refinement, for the residual of a scaled solve is what counts
         rest = np.where(moving, rhs - np.einsum("bij,bj->bi", J, y), 0.0)
         y += scale * np.einsum("bij,bj->bi", vectors, inverse_values * np.einsum("bij,bi->bj", vectors, scale * rest))
         y = np.where(moving, y, 0.0)
-        r = place + y
+        r = origin + y
         doubt = eps * (
-            np.abs(g) + np.abs(r) @ size_of + np.abs(place) @ size_of + w * (np.abs(base) + np.abs(slope * y))
+            np.abs(g) + np.abs(r) @ size_of + np.abs(origin) @ size_of + w * (np.abs(base) + np.abs(slope * y))
         )
         spread = np.abs(vectors) * np.abs(inverse_values)[:, None, :]
         error = scale * np.einsum("bij,bkj,bk->bi", spread, np.abs(vectors), scale * np.where(moving, doubt, 0.0))
-        error = np.where(moving, error + _EPS * (np.abs(r) + np.abs(place)), 0.0)
+        error = np.where(moving, error + _EPS * (np.abs(r) + np.abs(origin)), 0.0)
         force = g - r @ A
         lam = np.where(kink, force / w, base + slope * y)
         lam_error = (doubt + error @ size_of) / w
@@ -195,7 +169,7 @@ class _Tables:
         kink, low, high = (table[rows, choice] for table in (self.kink, self.low, self.high))
         inside = np.where(kink, low, np.clip(r, low, high))
         error = error + np.abs(inside - r)
-        step = inside - self.place[rows, choice]
+        step = inside - self.origin[rows, choice]
         least, most = self.least[rows, choice], self.most[rows, choice]
         lam = np.where(kink, np.clip(lam, least, most), self.base[rows, choice] + self.slope[rows, choice] * step)
         size = np.abs(chain.force) + np.abs(chain.matrix) @ np.abs(inside)
@@ -230,15 +204,15 @@ class _Tables:
         size = max(float(np.abs(free).max()), np.finfo(float).tiny)
         cost = np.zeros(free.shape[1] + 1)
         cost[-1] = -1.0  # as far inside as possible, but no farther than a length
-        found = linprog(
+        optimum = linprog(
             cost,
             A_ub=np.hstack([limits / size, np.ones((len(limits), 1))]) if len(limits) else None,
             b_ub=room / length if len(limits) else None,
             bounds=[(None, None)] * free.shape[1] + [(0.0, 1.0)],
         )
-        if found.status == 2:
+        if optimum.status == 2:
             return None
-        z = found.x[:-1] * length / size if found.status == 0 else np.zeros(free.shape[1])
+        z = optimum.x[:-1] * length / size if optimum.status == 0 else np.zeros(free.shape[1])
         r = batch.r[b] + free @ z
         lam = np.where(kink, (chain.force - chain.matrix @ r) / chain.weights, 0.0)
         return self.candidate(choice, r, lam, np.full(chain.size, slack))

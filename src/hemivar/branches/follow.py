@@ -1,4 +1,4 @@
-"""Path following: the equilibria of a body while its load grows, through folds."""
+"""Path following (numerical continuation): the equilibria of a body while its load grows, through folds."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
 from hemivar.branches.graph_follower import GraphFollower, OutOfChartError
-from hemivar.branches.nonlinear_follower import NonlinearFollower, linear_in_place
-from hemivar.branches.path import Bifurcation, Fold, Path, PathEnd, PathJump
+from hemivar.branches.nonlinear_follower import NonlinearFollower, tangent_body
+from hemivar.branches.path import SAME_LOAD, Bifurcation, Fold, Path, PathEnd, PathJump
 from hemivar.branches.path_quantities import PathQuantity, checked_until, quantity_on
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.model import quadratic
@@ -39,9 +39,11 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["PathOptions", "follow_path", "following"]
 
 
-#: Part of the range of loads by which it may change and stand still; and at which a path begins.
-_STILL, _FIRST = 1e-9, 1e-4
-#: Charts that are tried, each stiffer than the last.
+#: Part of the range of loads at which a path begins, where all components are off their kinks. 1e-3 and 1e-5 give the
+#: same paths in tests/branches.
+_FIRST = 1e-4
+#: Charts that are tried: each is more than six times as stiff as the last where that failed. 4 and 16 give the same
+#: paths in tests/branches.
 _CHARTS = 8
 
 
@@ -93,8 +95,8 @@ class PathOptions:
 
     def ends(self, contact: ContactPoints) -> tuple[Quantity, ...]:
         """Numbers that are zero where the path ends."""
-        found = ((*quantity_on(name, contact), value) for name, value in self.until.items())
-        return tuple(_beyond(quantity, points, contact.weights[points], value) for quantity, points, value in found)
+        chosen = ((*quantity_on(name, contact), value) for name, value in self.until.items())
+        return tuple(_beyond(quantity, points, contact.weights[points], value) for quantity, points, value in chosen)
 
 
 def _beyond(quantity: PathQuantity, points: IntArray, weights: Array, value: float) -> Quantity:
@@ -178,31 +180,7 @@ def following(
     start: Solution | Array | None = None,
     workspace: Workspace | None = None,
 ) -> Generator[PathProgress, bool | None, Path]:
-    """:func:`follow_path` point by point: yields every point, ends after it if it is sent True, returns the path.
-
-    Parameters
-    ----------
-    problem : DiscreteProblem or ContactProblem
-    options : PathOptions
-    unloaded : DiscreteProblem, optional
-        As in :func:`follow_path`.
-    start : Solution or array, optional
-        As in :func:`follow_path`.
-    workspace : Workspace, optional
-        Where factors and levels are kept.
-
-    Yields
-    ------
-    PathProgress
-        Every point; the generator returns a :class:`Path`.
-
-    Raises
-    ------
-    MethodError
-        A law falls at once, in space, coupled, beside a bound that depends on the solution, or in a nonlinear body.
-    ProblemError
-        Nothing grows, no contact point can move, or there is no equilibrium from which to start within the time.
-    """
+    """:func:`follow_path` point by point: yields every point, ends after it if it is sent True, returns the path."""
     line = growing(problem, "follow_path", options.constant)
     problem = line.loaded
     nonlinear = isinstance(problem.bulk, Potential)
@@ -223,7 +201,7 @@ def following(
     budget = Budget(options.max_time)
     largest = line.at(max(low, high, key=abs))  # by whose displacements steps are measured
     if nonlinear:
-        system = condense(linear_in_place(largest, np.zeros(problem.unknowns)))
+        system = condense(tangent_body(largest, np.zeros(problem.unknowns)))
     else:
         system = kept.condensed(problem).for_problem(largest)
     if not system.active.any():
@@ -232,18 +210,18 @@ def following(
     first = low + _FIRST * (high - low)
     at_start = line.at(first)
     guess = start.unknowns if isinstance(start, Solution) else start
-    begun = solve(
+    equilibrium = solve(
         at_start,
         _starting(problem, low, guess is not None),
         Controls(rtol=1e-11, max_time=budget.left),
         initial=guess,
         workspace=kept,
     )
-    check_interrupt(begun.status)
-    chain = chart_of(system, begun.local, begun.multiplier) if nonlinear else _curves(system, begun)
+    check_interrupt(equilibrium.status)
+    chain = chart_of(system, equilibrium.local, equilibrium.multiplier) if nonlinear else _curves(system, equilibrium)
     for _ in range(_CHARTS):
         try:
-            return (yield from _followed(line, chain, begun, options, budget))
+            return (yield from _followed(line, chain, equilibrium, options, budget))
         except OutOfChartError as left:
             assert isinstance(chain, GraphChart)
             chain = chart_of(system, *left.pair, chain)
@@ -253,19 +231,19 @@ def following(
 
 
 def _followed(
-    line: LoadLine, chain: Curves, begun: Solution, options: PathOptions, budget: Budget
+    line: LoadLine, chain: Curves, equilibrium: Solution, options: PathOptions, budget: Budget
 ) -> Generator[PathProgress, bool | None, Path]:
     """The path on some curves, from the first solution."""
     system, (low, high) = chain.system, options.load_factor
     first = low + _FIRST * (high - low)
-    theta, segment = chain.nearest(begun.local, begun.multiplier)
+    theta, segment = chain.nearest(equilibrium.local, equilibrium.multiplier)
     perturbation = np.zeros(chain.size)
     for attempt in range(2):
-        follower = _follower(line, chain, begun, options, perturbation, budget)
+        follower = _follower(line, chain, equilibrium, options, perturbation, budget)
         corrected = follower.at_the_load(theta, segment, first)
         if corrected is None or not chain.inside(corrected, segment, 1e-7 * chain.length).all():
             raise ProblemError(
-                f"no equilibrium was found at load factor {first:g} ({begun.status.value}); give another start"
+                f"no equilibrium was found at load factor {first:g} ({equilibrium.status.value}); give another start"
             )
         back = yield from follower.running(corrected, segment, first, -1.0)
         follower.until = options.ends(system.problem.contact)
@@ -282,12 +260,12 @@ def _followed(
             f"the time limit of {options.max_time:g} s was reached before the path left its first point; give more time"
         )
     if perturbation.any():
-        _unperturb(track, _follower(line, chain, begun, options, np.zeros(chain.size), budget))
+        _unperturb(track, _follower(line, chain, equilibrium, options, np.zeros(chain.size), budget))
     return _assemble(line, follower, track, bool(perturbation.any()))
 
 
 def _follower(
-    line: LoadLine, chain: Curves, begun: Solution, options: PathOptions, perturbation: Array, budget: Budget
+    line: LoadLine, chain: Curves, equilibrium: Solution, options: PathOptions, perturbation: Array, budget: Budget
 ) -> Follower:
     """What follows a path on these curves, under a force (n,) besides the load."""
     force0, force1 = (chain.load_of(chain.system.for_problem(line.at(t))) for t in (0.0, 1.0))
@@ -297,7 +275,7 @@ def _follower(
         return Follower(chain, force0 + perturbation, force1, *limits)
     assert isinstance(chain, GraphChart)
     if isinstance(line.loaded.bulk, Potential):
-        return NonlinearFollower(chain, perturbation, force1, *limits, line=line, start=begun.unknowns)
+        return NonlinearFollower(chain, perturbation, force1, *limits, line=line, start=equilibrium.unknowns)
     return GraphFollower(chain, force0 + perturbation, force1, *limits)
 
 
@@ -308,12 +286,12 @@ def _starting(problem: DiscreteProblem, low: float, near: bool) -> Solver | None
     return LoadStepping(steps=1).inner if near else LoadStepping(steps=10 if low > 0.0 else 1)
 
 
-def _curves(system: CondensedProblem, begun: Solution) -> Chain | GraphChart:
+def _curves(system: CondensedProblem, equilibrium: Solution) -> Chain | GraphChart:
     """The graphs of the laws: scalar curves, exact to rounding and with falls, where opening and slip are apart."""
     law = system.law
     if law.splits and not law.state_dependent and system.shape[1] <= 2:
         return chain_of(system)
-    return chart_of(system, begun.local, begun.multiplier)
+    return chart_of(system, equilibrium.local, equilibrium.multiplier)
 
 
 def _unperturb(track: Track, follower: Follower) -> None:
@@ -323,9 +301,9 @@ def _unperturb(track: Track, follower: Follower) -> None:
         if event is None:
             continue
         goal = point.t if event.of_load else float(event.border[:-1] @ point.theta)
-        found = follower.solve(point.theta, event.segment, point.t, event.border, goal)
-        if found is not None and np.abs(found[0] - point.theta).max() <= 1e-6 * follower.chain.length:
-            point.theta, point.t = found
+        corner = follower.solve(point.theta, event.segment, point.t, event.border, goal)
+        if corner is not None and np.abs(corner[0] - point.theta).max() <= 1e-6 * follower.chain.length:
+            point.theta, point.t = corner
 
 
 def _assemble(line: LoadLine, follower: Follower, track: Track, perturbed: bool) -> Path:
@@ -336,9 +314,9 @@ def _assemble(line: LoadLine, follower: Follower, track: Track, perturbed: bool)
     stable = [stretch.stable for stretch in track.stretches]
     segments = [stretch.segment for stretch in (track.stretches[0], *track.stretches)]
     local, multiplier = chain.every_local([point.theta for point in track.points], segments)
-    held, ends = ~system.active, [system.for_problem(line.at(factor)).fixed for factor in (0.0, 1.0)]
+    fixed, ends = ~system.active, [system.for_problem(line.at(factor)).fixed for factor in (0.0, 1.0)]
     for i, factor in enumerate(t):
-        local[i][held] = ((1.0 - factor) * ends[0] + factor * ends[1])[held]
+        local[i][fixed] = ((1.0 - factor) * ends[0] + factor * ends[1])[fixed]
     snaps, snap_size = _snaps(follower, track)
     folds = tuple(Fold(float(t[i]), i, bool(snaps[i])) for i in range(1, t.size - 1) if track.points[i].fold)
     return Path(
@@ -378,14 +356,14 @@ def _energies(line: LoadLine, follower: Follower, t: Array, local: Array, multip
 def _bifurcations(track: Track) -> tuple[Bifurcation, ...]:
     """Where falling directions come or go by another number than that of the folds there."""
     t = track.load_factors
-    moves = np.flatnonzero(np.abs(np.diff(t)) > _STILL * np.ptp(t))
-    found = []
+    moves = np.flatnonzero(np.abs(np.diff(t)) > SAME_LOAD * np.ptp(t))
+    bifurcations = []
     for before, after in itertools.pairwise(moves):
         came = abs(track.stretches[after].negative - track.stretches[before].negative)
         turned = (t[before + 1] - t[before]) * (t[after + 1] - t[after]) < 0.0
         if came > int(turned):
-            found.append(Bifurcation(float(t[after]), int(after)))
-    return tuple(found)
+            bifurcations.append(Bifurcation(float(t[after]), int(after)))
+    return tuple(bifurcations)
 
 
 def _snaps(follower: Follower, track: Track) -> tuple[BoolArray, float | None]:
@@ -398,9 +376,9 @@ def _snaps(follower: Follower, track: Track) -> tuple[BoolArray, float | None]:
     for i, stretch in enumerate(track.stretches):
         if stretch.stable:
             continue
-        one, other = track.points[i], track.points[i + 1]
-        middle = 0.5 * (one.theta + other.theta)
-        chain = follower.body_at(middle, 0.5 * (one.t + other.t))[0]
+        before, after = track.points[i], track.points[i + 1]
+        middle = 0.5 * (before.theta + after.theta)
+        chain = follower.body_at(middle, 0.5 * (before.t + after.t))[0]
         fall = chain.falls_beside(middle, stretch.segment)
         alone[i] = (chain.weights * fall > 1.0).any()
         steepest = max(steepest, float(fall[chain.weights * fall > 1.0].max(initial=0.0)))
@@ -418,13 +396,13 @@ def _strained(line: LoadLine, follower: Follower, t: Array, local: Array, multip
     if line.unloaded is not None and line.unloaded.field is not None:
         moved = moved - line.unloaded.field.full(nothing)
     size = np.linalg.norm(local.reshape(t.size, -1), axis=1)
-    worst, told = 0.0, ""
+    worst, warning = 0.0, ""
     for i in sorted({int(np.argmax(np.abs(t))), int(np.argmax(size)), t.size - 1}):
         u = _unknowns(line, follower, float(t[i]), local[i], multiplier[i])
-        found = deformation(stated, end.full(u) - (1.0 - t[i]) * moved)
-        if found.warning is not None and max(found.strain, found.rotation) > worst:
-            worst, told = max(found.strain, found.rotation), f"at load factor {t[i]:.6g} {found.warning}"
-    return (told,) if told else ()
+        deformed = deformation(stated, end.full(u) - (1.0 - t[i]) * moved)
+        if deformed.warning is not None and max(deformed.strain, deformed.rotation) > worst:
+            worst, warning = max(deformed.strain, deformed.rotation), f"at load factor {t[i]:.6g} {deformed.warning}"
+    return (warning,) if warning else ()
 
 
 def _unknowns(line: LoadLine, follower: Follower, t: float, r: Array, lam: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The curve of equilibria over the load: from corner to corner where it is straight, else by arc length."""
+"""Arc-length continuation of equilibria: predictor and corrector; from corner to corner where the path is straight."""
 
 from __future__ import annotations
 
@@ -97,17 +97,25 @@ class Track:
         return Track(self.points + other.points[1:], self.stretches + other.stretches, other.ended)
 
 
-#: Part of a distance by which two changes may differ and be one; changes of stability that a step is searched for.
-_SAME, _CHANGES = 1e-6, 8
+#: Part of a step by which two changes of stability may differ and be one, and by which an end of the step is left to
+#: see what holds beside it. Changes are found to 1e-13 of a step; 1e-5 and 1e-7 give the same paths in tests/branches.
+_SAME = 1e-6
 
-#: Cosine of the angle by which a path turns in one step at most.
+#: Changes of stability that one step is searched for. A step turns by 18 degrees at most; four are enough in
+#: tests/branches.
+_CHANGES = 8
+
+#: Cosine of the angle by which a path turns in one step at most: a step is halved until it does. 0.9 and 0.98 give the
+#: same folds in tests/branches.
 _TURNED = 0.95
 
-#: Part of a step by which what holds on it is found beside its end, where that is an end of a segment.
-_WITHIN = 1e-6
+#: Change of the load, relative to the motion, below which the body slides on. 1e-2 and 1e-4 give the same paths in
+#: tests/branches.
+_STILL = 1e-3
 
-#: Load that hardly changes, beside the motion, and how many times longer steps may then be, beside that as well.
-_STILL, _ON_THE_SPOT = 1e-3, 20.0
+#: How many times longer steps may be where the body slides on, as a part of what it has slid. It saves points only:
+#: 5 and 40 give the same paths in tests/branches.
+_ON_THE_SPOT = 20.0
 
 #: A number that tells by its sign on which side of a change a point of a segment lies, by theta, segment, t and border.
 Measure: TypeAlias = Callable[[Array, AnyArray, float, Array], float]
@@ -233,24 +241,24 @@ class Follower:
 
     def reached(self, step: _Step) -> FollowedPoint | None:
         """The first point of a step at which a quantity of ``until`` is zero, if there is one."""
-        found = [self.zero_of(quantity, step) for quantity in self.until]
-        return min((point for point in found if point is not None), key=lambda point: point.length, default=None)
+        zeros = [self.zero_of(quantity, step) for quantity in self.until]
+        return min((point for point in zeros if point is not None), key=lambda point: point.length, default=None)
 
     def zero_of(self, quantity: Quantity, step: _Step) -> FollowedPoint | None:
         """The point of a step at which a quantity is zero; None where it keeps its sign."""
         chain, new, inner, far = self.chain, step.new, step.inner, step.length
-        ends = [quantity(*chain.local(place, step.segment)) for place in (step.theta, new.theta)]
+        ends = [quantity(*chain.local(theta, step.segment)) for theta in (step.theta, new.theta)]
         if ends[0] == 0.0 or ends[0] * ends[1] > 0.0:
             return None
 
-        def place(length: float) -> tuple[Array, float]:
+        def point_at(length: float) -> tuple[Array, float]:
             return step.at(length) or (new.theta, new.t)
 
         def value(length: float) -> float:
-            return quantity(*chain.local(place(length)[0], inner))
+            return quantity(*chain.local(point_at(length)[0], inner))
 
         length = far if ends[1] == 0.0 or value(0.0) * value(far) >= 0.0 else brentq(value, 0.0, far, xtol=1e-15 * far)
-        return FollowedPoint(*place(length), inner, step.border, length=length)
+        return FollowedPoint(*point_at(length), inner, step.border, length=length)
 
     def advance(
         self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
@@ -311,16 +319,16 @@ class Follower:
         i = int(np.argmin(far))
         if load <= far[i] * (1.0 + 1e-12) and np.isfinite(load):
             goal = self.high if v[-1] > 0.0 else self.low
-            found = self.solve(theta + load * v[:-1], segment, goal, self.load_border, goal)
-            return PathEnd.NOT_CORRECTED if found is None else self.at_load(*found, segment)
+            point = self.solve(theta + load * v[:-1], segment, goal, self.load_border, goal)
+            return PathEnd.NOT_CORRECTED if point is None else self.at_load(*point, segment)
         if not np.isfinite(far[i]):
             return PathEnd.UNBOUNDED
         if np.count_nonzero(far <= far[i] + 1e-9 * chain.length) > 1:
             self.ties = True
         forward = bool(v[i] > 0.0)
         goal = float((chain.end if forward else chain.start)[i, segment[i]])
-        found = self.solve(theta + far[i] * v[:-1], segment, t + far[i] * v[-1], self.component_border(i), goal)
-        return PathEnd.NOT_CORRECTED if found is None else self.at_end(*found, segment, i, forward)
+        point = self.solve(theta + far[i] * v[:-1], segment, t + far[i] * v[-1], self.component_border(i), goal)
+        return PathEnd.NOT_CORRECTED if point is None else self.at_end(*point, segment, i, forward)
 
     @cached_property
     def load_border(self) -> Array:
@@ -352,11 +360,11 @@ class Follower:
             far, load = self.room(theta, segment, t, v)
             room = 1.05 * float(min(far.min(), load))  # a little too far, so that the event lies on the way
             reach = min(length, room) if room > 1e-12 * chain.length else length
-            found = self.arc(theta, segment, t, v, reach)
-            if found is None:
+            arrived = self.arc(theta, segment, t, v, reach)
+            if arrived is None:
                 length = 0.5 * reach
                 continue
-            new, new_t, steps = found
+            new, new_t, steps = arrived
             low, high = chain.pick(chain.start, segment), chain.pick(chain.end, segment)
             slack = 1e-13 * chain.length
             outside = (new > high - slack) | (new < low + slack)
@@ -381,14 +389,14 @@ class Follower:
         Neither the tangent nor the chord may: a step that leads elsewhere would leave out what lies between.
         """
         old, chord = (
-            np.append(way, part * self.load_unit) for way, part in ((v[:-1], v[-1]), (new - theta, new_t - t))
+            np.append(step, load * self.load_unit) for step, load in ((v[:-1], v[-1]), (new - theta, new_t - t))
         )
         tangent = self.tangent(new, segment, new_t, old)
         if tangent is None:
             return None
         unit = np.append(tangent[:-1], tangent[-1] * self.load_unit)
-        ways = np.stack([unit, chord])
-        turned = (ways @ old < _TURNED * np.linalg.norm(old) * np.linalg.norm(ways, axis=1)).any()
+        directions = np.stack([unit, chord])
+        turned = (directions @ old < _TURNED * np.linalg.norm(old) * np.linalg.norm(directions, axis=1)).any()
         return None if turned and np.linalg.norm(chord) > 1e-9 * self.chain.length else unit
 
     def event(
@@ -415,17 +423,17 @@ class Follower:
             best = min(best, (part, None, goal), key=lambda item: item[0])
         part, component, goal = best
         border = self.load_border if component is None else self.component_border(component)
-        found = self.solve(theta + part * (new - theta), segment, t + part * (new_t - t), border, goal)
-        if found is None:
+        point = self.solve(theta + part * (new - theta), segment, t + part * (new_t - t), border, goal)
+        if point is None:
             return None
         tolerance = 1e-9 * self.chain.length
-        if not self.chain.inside(found[0], segment, tolerance).all():
+        if not self.chain.inside(point[0], segment, tolerance).all():
             return None
         if component is None:
-            return self.at_load(*found, segment)
-        if not self.low - 1e-12 <= found[1] <= self.high + 1e-12:
+            return self.at_load(*point, segment)
+        if not self.low - 1e-12 <= point[1] <= self.high + 1e-12:
             return None
-        return self.at_end(*found, segment, component, bool(new[component] > theta[component]))
+        return self.at_end(*point, segment, component, bool(new[component] > theta[component]))
 
     def arc(
         self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
@@ -439,13 +447,13 @@ class Follower:
         self, theta: Array, segment: AnyArray, t: float, border: Array, goal: float
     ) -> tuple[Array, float] | None:
         """The point of the path where ``border`` times (theta, t) is ``goal``: of theta alone, or of the load."""
-        found = self.newton(*_onto(theta, t, border, goal), border, segment, steps=30)
-        return None if found is None else _onto(found[0], found[1], border, goal)
+        point = self.newton(*_onto(theta, t, border, goal), border, segment, steps=30)
+        return None if point is None else _onto(point[0], point[1], border, goal)
 
     def at_the_load(self, theta: Array, segment: AnyArray, t: float) -> Array | None:
         """The point of the path near a place at which the load is t."""
-        found = self.solve(theta, segment, t, self.load_border, t)
-        return None if found is None else found[0]
+        point = self.solve(theta, segment, t, self.load_border, t)
+        return None if point is None else point[0]
 
     @property
     def force_size(self) -> float:
@@ -498,13 +506,13 @@ class Follower:
         if fold is not None and count != after and self._counts_beside(step, fold[0]) == [count, after]:
             counts.append((fold[0], after))
         while counts[-1][1] != after and len(counts) <= _CHANGES:
-            place = self.change(step, self.same_count(counts[-1][1]), (1.0, -1.0), counts[-1][0])
-            beyond = None if place is None else step.at(place[0] * (1.0 + _SAME))
-            if place is None or beyond is None:
+            change = self.change(step, self.same_count(counts[-1][1]), (1.0, -1.0), counts[-1][0])
+            beyond = None if change is None else step.at(change[0] * (1.0 + _SAME))
+            if change is None or beyond is None:
                 break
-            counts.append((place[0], self.negative(beyond[0], step.inner, beyond[1])))
-            if fold is None or abs(place[0] - fold[0]) > _SAME * max(place[0], fold[0]):
-                inner.append(_Cut(place[0], TrackPoint(place[2], place[1])))
+            counts.append((change[0], self.negative(beyond[0], step.inner, beyond[1])))
+            if fold is None or abs(change[0] - fold[0]) > _SAME * max(change[0], fold[0]):
+                inner.append(_Cut(change[0], TrackPoint(change[2], change[1])))
         last = after if inner else max(count, after)
         steps = sorted(inner, key=lambda cut: cut.length)
         known = [replace(cut, negative=_count_before(counts, cut.length)) for cut in steps]
@@ -512,8 +520,8 @@ class Follower:
 
     def _counts_beside(self, step: _Step, length: float) -> list[int]:
         """Falling directions a little before a distance of a step, and a little beyond it."""
-        found = [step.at(length * (1.0 + part)) for part in (-_SAME, _SAME)]
-        return [self.negative(place[0], step.inner, place[1]) for place in found if place is not None]
+        points = [step.at(length * (1.0 + part)) for part in (-_SAME, _SAME)]
+        return [self.negative(point[0], step.inner, point[1]) for point in points if point is not None]
 
     def rising(self, theta: Array, segment: AnyArray, t: float, border: Array) -> float:
         """The rate of the load along the path, nan where it has no tangent."""
@@ -535,21 +543,21 @@ class Follower:
         fa, fb = ends
         if not fa * fb < 0.0:
             return None
-        place: tuple[float, Array, float] | None = None
+        change: tuple[float, Array, float] | None = None
         for k in range(100):
             length = (a * fb - b * fa) / (fb - fa) if k % 3 < 2 else 0.5 * (a + b)
-            found = step.at(length)
-            if found is None:
+            point = step.at(length)
+            if point is None:
                 break
-            place = length, *found
-            f = measure(found[0], step.inner, found[1], step.border)
+            change = length, *point
+            f = measure(point[0], step.inner, point[1], step.border)
             if not abs(f) > 0.0 or abs(b - a) <= 1e-13 * abs(step.length):
                 break
             if f * fa > 0.0:
                 a, fa = length, f
             else:
                 b, fb = length, f
-        return place
+        return change
 
 
 @dataclass(frozen=True, eq=False)
@@ -578,8 +586,8 @@ class FollowedPoint:
         return self.segment if self.event is None else self.event.segment
 
 
-#: A place with its segments and its load.
-_Place: TypeAlias = tuple[Array, AnyArray, float]
+#: theta (n,) with its segments and its load.
+_State: TypeAlias = tuple[Array, AnyArray, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -612,17 +620,17 @@ class _Step:
         return self.follower.chain.between(self.segment)
 
     @property
-    def middle(self) -> _Place:
+    def middle(self) -> _State:
         """The middle of the chord."""
         return 0.5 * (self.theta + self.new.theta), self.inner, 0.5 * (self.t + self.new.t)
 
     @cached_property
-    def ends(self) -> tuple[_Place, _Place]:
+    def ends(self) -> tuple[_State, _State]:
         """Both ends on the segments that the step has there; a little within where they end there."""
-        way, load, new = self.new.theta - self.theta, self.new.t - self.t, self.new
-        first, last = 0.0 if self.smooth else _WITHIN, 0.0 if new.event is None else _WITHIN
-        begin = self.theta + first * way, self.segment, self.t + first * load
-        return begin, (new.theta - last * way, new.reached_on, new.t - last * load)
+        increment, load, new = self.new.theta - self.theta, self.new.t - self.t, self.new
+        first, last = 0.0 if self.smooth else _SAME, 0.0 if new.event is None else _SAME
+        begin = self.theta + first * increment, self.segment, self.t + first * load
+        return begin, (new.theta - last * increment, new.reached_on, new.t - last * load)
 
     @cached_property
     def rates(self) -> tuple[float, float]:
@@ -635,8 +643,8 @@ class _Step:
         """The point of the path at a distance along the tangent; it is sought near the chord, for the path may turn."""
         part = length / self.length
         theta = self.theta + part * (self.new.theta - self.theta)
-        found = self.follower.newton(theta, self.t + part * (self.new.t - self.t), self.border, self.inner, steps=11)
-        return None if found is None else found[:2]
+        point = self.follower.newton(theta, self.t + part * (self.new.t - self.t), self.border, self.inner, steps=11)
+        return None if point is None else point[:2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -673,17 +681,17 @@ def trace(
 
     The path is followed from ``t = 0`` in both directions until t leaves ``[low, high]``.
     """
-    found: list[tuple[Array, AnyArray]] = []
+    equilibria: list[tuple[Array, AnyArray]] = []
     for sign in (1.0, -1.0):
         follower = Follower(chain, force, rate, low, high, points, 0.05)
         track = result_of(follower.running(theta, segment, 0.0, sign))
         if follower.stopped is PathEnd.INTERRUPTED:
             raise KeyboardInterrupt
         check_time()
-        for (one, other), stretch in zip(itertools.pairwise(track.points), track.stretches, strict=True):
-            if one.t * other.t < 0.0:
-                part = -one.t / (other.t - one.t)
-                found.append((one.theta + part * (other.theta - one.theta), stretch.segment))
-            elif other.t == 0.0:
-                found.append((other.theta, stretch.segment))
-    return found
+        for (before, after), stretch in zip(itertools.pairwise(track.points), track.stretches, strict=True):
+            if before.t * after.t < 0.0:
+                part = -before.t / (after.t - before.t)
+                equilibria.append((before.theta + part * (after.theta - before.theta), stretch.segment))
+            elif after.t == 0.0:
+                equilibria.append((after.theta, stretch.segment))
+    return equilibria

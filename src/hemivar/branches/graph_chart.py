@@ -1,4 +1,4 @@
-"""The graphs of contact laws in Minty's chart: any law, in the plane and in space, coupled or not.
+"""The graphs of contact laws in Minty's parametrisation: any law, in the plane and in space, coupled or not.
 
 With a stiffness a above the weak convexity of the law, ``theta = r + lambda/a`` tells the pair of a contact point: the
 graph is a Lipschitz map ``theta -> r, lambda``, and equilibrium is
@@ -27,35 +27,44 @@ from hemivar.laws.vector_law import Chart, spread
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.curves import Curves, negative_eigenvalues
 
-__all__ = ["BESIDE", "STRAIGHT", "Corner", "GraphChart", "chart_of"]
+__all__ = ["BESIDE", "FREE", "STRAIGHT", "Corner", "GraphChart", "chart_of"]
 
-#: Differences of derivatives that are none, on straight pieces.
+#: Difference of dr/dtheta, which is of size one, that is none: a piece is straight. 1e-7 and 1e-9 give the
+#: same paths in tests/branches.
 STRAIGHT = 1e-8
-
-#: How much stiffer than the body the spring is that stands for a support.
+#: How much stiffer than the body the spring is that stands for a support: what it yields is next to rounding. 1e11 and
+#: 1e13 give the same paths in tests/branches; from 1e16 on the body is rounding beside it.
 _STIFF = 1e12
-#: Rounds in which the first corner of a way is found.
-_ROUNDS = 60
-#: Distance from a corner at which its sides are evaluated, as a part of the length.
+#: Distance from a corner, relative to the length, at which its sides are evaluated. It is above the distance to which a
+#: corner is found, and two corners must be farther apart. 1e-6 and 1e-8 give the same paths in tests/branches.
 BESIDE = 1e-7
-#: How near a corner of a way is found, distance from there at which it is told from a bend, and what is rounding.
-_NEAR, _TELL, _ROUNDED = 2e-9, 5e-9, 1e-12
-#: A jump of the derivative that counts, in units of what r moves with theta.
+#: How near the first corner on an increment is found, relative to the length; at 2.5 of it it is seen whether a
+#: derivative jumps. Ten times more and less give the same paths in tests/branches; it must stay below BESIDE.
+_NEAR = 2e-9
+#: Part of the length that is rounding of theta. 1e-11 and 1e-13 give the same paths in tests/branches.
+_ROUNDED = 1e-12
+#: A jump of dr/dtheta that counts as a corner; a smaller one is a bend. 1e-3 and 1e-5 give the same paths in
+#: tests/branches.
 _JUMP = 1e-4
-#: Rounding of derivatives at most, far below a jump.
+#: Rounding of dr/dtheta at most, however far theta goes: far below a jump. 1e-4 and 1e-6 give the same paths in
+#: tests/branches.
 _FAR_AWAY = 1e-5
-#: Part of the stiffness that is none, and below which only contact holds a body.
-_NEUTRAL, _FREE = 1e-13, 1e-9
-#: Parts of a reach in which a corner is searched one after the other.
-_PARTS = (1e-2, 1e-1, 1.0)
-#: Pairs that are remembered, and places that are evaluated together.
-_KEPT, _TOGETHER = 16, 100
-#: Laws of contact points that are remembered, laid out in tables.
-_CHARTS = 6
-#: Second singular value of a jump, relative to the first one, above which it has no normal.
+#: Part of the stiffness that resists no motion: rounding of a dense matrix. 1e-12 and 1e-14 give the same stability of
+#: all points in tests/branches.
+_NEUTRAL = 1e-13
+#: Part of the stiffness below which nothing but contact holds a body. 1e-8 and 1e-10 give the same paths in
+#: tests/branches.
+FREE = 1e-9
+#: Pairs that are remembered: the halves of an increment, nine of them, and what the corrector asks for beside them.
+_KEPT = 16
+#: Second singular value of a jump, relative to the first one, above which two corners meet and it has no normal. 1e-2
+#: and 1e-4 give the same paths in tests/branches.
 _NO_NORMAL = 1e-3
-#: How far a is above the weak convexity at first, and where it was not enough; and how far it has to be.
-_ABOVE, _FAR_ABOVE, _ENOUGH = 2.0, 8.0, 1.2
+#: How far a is above the weak convexity at first: above one the graph is Lipschitz in theta, and at two with the
+#: constant 2; a chart that was not enough is followed by one four times as stiff.
+_ABOVE = 2.0
+#: How far a has to stay above the weak convexity, so that the constant is 6 at most; else the next chart is taken.
+_ENOUGH = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,20 +83,11 @@ class Corner:
 
 @dataclass(frozen=True, eq=False)
 class GraphChart(Curves):
-    """The graphs of all contact points, in one chart; a ``segment`` is a small vector (n,) into a piece.
-
-    Attributes
-    ----------
-    system : CondensedProblem
-    a : array (m, 2)
-        Stiffness (force per area and length) of the chart, for the normal and the tangential part.
-    first : array (m, c)
-        Where the path begins, in the chart of its own stiffness.
-    """
+    """The graphs of all contact points, in one chart; a ``segment`` is a small vector (n,) into a piece."""
 
     system: CondensedProblem
-    a: Array
-    first: Array
+    a: Array  # (m, 2): stiffness (force per area and length) of the chart, normal and tangential
+    first: Array  # (m, c): where the path begins, in the chart of its own stiffness
 
     @property
     def law(self) -> VectorLaw:
@@ -102,8 +102,8 @@ class GraphChart(Curves):
     def length(self) -> float:
         """A typical displacement under the load; gaps do not count, for points far away may never close theirs."""
         free, moved = self.system.free, self.system.displaced
-        held = self.system.matrix + np.diag(self._springs)
-        u = la.solve(held[np.ix_(free, free)], moved.load[free], assume_a="pos") if free.size else moved.load[free]
+        supported = self.system.matrix + np.diag(self._springs)
+        u = la.solve(supported[np.ix_(free, free)], moved.load[free], assume_a="pos") if free.size else moved.load[free]
         fixed = np.where(moved.active, 0.0, self.system.fixed + self.system.problem.offset)
         size = max(float(np.abs(u).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
         return size if size > 0.0 else self.system.length_scale
@@ -114,7 +114,7 @@ class GraphChart(Curves):
         free, size = self.system.free, self.system.diagonal.ravel()
         scale = np.sqrt(size[free])
         scaled = self.system.matrix[np.ix_(free, free)] / scale[:, None] / scale
-        if not free.size or la.eigvalsh(scaled, subset_by_index=[0, 0])[0] > _FREE:
+        if not free.size or la.eigvalsh(scaled, subset_by_index=[0, 0])[0] > FREE:
             return 1e-3 * size
         slope = np.diagonal(self.pairs(self.first.ravel())[2], axis1=1, axis2=2).clip(0.0, 1.0)
         law = np.minimum(1.0, (1.0 - slope) / np.maximum(slope, 1e-300))
@@ -138,8 +138,8 @@ class GraphChart(Curves):
     @cached_property
     def matrix(self) -> Array:
         """A, with the springs of held components, which are one of the weighed law beside the other rows, (n, n)."""
-        held = ~self.system.active.ravel()
-        return np.asarray(self.system.matrix + np.diag(np.where(held, self._weighed, 0.0)))
+        fixed = ~self.system.active.ravel()
+        return np.asarray(self.system.matrix + np.diag(np.where(fixed, self._weighed, 0.0)))
 
     @cached_property
     def _weighed(self) -> Array:
@@ -152,8 +152,8 @@ class GraphChart(Curves):
         return np.where(self.system.active, weight, weight / _STIFF)
 
     def load_of(self, system: CondensedProblem) -> Array:
-        held = ~self.system.active.ravel()
-        return np.where(held, self._weighed * system.fixed.ravel(), system.load)
+        fixed = ~self.system.active.ravel()
+        return np.where(fixed, self._weighed * system.fixed.ravel(), system.load)
 
     # ---- pairs ------------------------------------------------------------------------------------------
 
@@ -181,20 +181,20 @@ class GraphChart(Curves):
 
     @cached_property
     def _charts(self) -> Recent[bytes, Chart]:
-        return Recent(_CHARTS)
+        return Recent(6)  # of all points, of the rows evaluated together, and of single ones
 
-    def look_up(self, places: Array) -> None:
-        """Evaluate pairs at places (k, n) together."""
-        r, lam, slope = self._of_places(places)
-        for i, place in enumerate(places):
-            self._known.once(place.tobytes(), partial(tuple, (r[i], lam[i], slope[i])))
+    def look_up(self, thetas: Array) -> None:
+        """Evaluate pairs at thetas (k, n) together."""
+        r, lam, slope = self._pairs_at(thetas)
+        for i, theta in enumerate(thetas):
+            self._known.once(theta.tobytes(), partial(tuple, (r[i], lam[i], slope[i])))
 
     def slopes(self, theta: Array, side: Array) -> Array:
         """dr/dtheta (m, c, c) on a side."""
         return self.pairs(theta + side)[2]
 
     def pair_of(self, j: int, theta: Array) -> Array:
-        """dr/dtheta (k, c, c) of one contact point at places theta (k, c)."""
+        """dr/dtheta (k, c, c) of one contact point at thetas (k, c)."""
         index = np.full(len(theta), j)
         return self._pairs_of(theta, index)[2]
 
@@ -206,14 +206,15 @@ class GraphChart(Curves):
         return r, lam
 
     def every_local(self, theta: list[Array], segments: list[AnyArray]) -> tuple[Array, Array]:
-        found = [self._of_places(np.array(theta[i : i + _TOGETHER])) for i in range(0, len(theta), _TOGETHER)]
-        return np.concatenate([r for r, _, _ in found]), np.concatenate([lam for _, lam, _ in found])
+        some = 100  # whose pairs are evaluated together
+        parts = [self._pairs_at(np.array(theta[i : i + some])) for i in range(0, len(theta), some)]
+        return np.concatenate([r for r, _, _ in parts]), np.concatenate([lam for _, lam, _ in parts])
 
-    def _of_places(self, theta: Array) -> tuple[Array, ...]:
-        """r, lambda (k, m, c) and dr/dtheta (k, m, c, c) at places (k, n)."""
+    def _pairs_at(self, theta: Array) -> tuple[Array, ...]:
+        """r, lambda (k, m, c) and dr/dtheta (k, m, c, c) at thetas (k, n)."""
         index = np.tile(np.arange(self.system.shape[0]), len(theta))
-        found = self._pairs_of(theta, index)
-        return tuple(part.reshape(len(theta), -1, *part.shape[1:]) for part in found)
+        pairs = self._pairs_of(theta, index)
+        return tuple(part.reshape(len(theta), -1, *part.shape[1:]) for part in pairs)
 
     def inside(self, theta: Array, side: Array, tolerance: float) -> BoolArray:
         return np.ones(theta.size, dtype=bool)
@@ -280,11 +281,11 @@ class GraphChart(Curves):
     def _moving(self, slope: Array) -> tuple[Array, Array]:
         """Flexibilities d (m, c) of each law with its chart, held components apart, and their axes (m, c, c)."""
         flexible = slope / self.stiffness[:, None, :]
-        held = ~self.system.active
-        if held.any():
-            masked = flexible * (held[:, :, None] & held[:, None, :])
+        fixed = ~self.system.active
+        if fixed.any():
+            masked = flexible * (fixed[:, :, None] & fixed[:, None, :])
             flexible = flexible - flexible @ np.linalg.pinv(masked, rcond=1e-12, hermitian=True) @ flexible
-            flexible = np.where(held[:, :, None] | held[:, None, :], 0.0, flexible)
+            flexible = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, flexible)
         d, axes = np.linalg.eigh(0.5 * (flexible + flexible.transpose(0, 2, 1)))
         return d, axes
 
@@ -316,11 +317,11 @@ class GraphChart(Curves):
 
         On a stiff chart dr/dtheta (m, c, c) hardly changes where a law does that is soft beside the chart.
         """
-        one, scale = np.eye(self.system.shape[1]), self._stiffer[:, :, None]
+        eye, scale = np.eye(self.system.shape[1]), self._stiffer[:, :, None]
         after = slope + jump
-        moved, answered = scale * (one - after), np.matmul(slope, 1.0 / scale * one)
+        moved, answered = scale * (eye - after), np.matmul(slope, 1.0 / scale * eye)
         begin = np.matmul(answered, answered.transpose(0, 2, 1)) + np.matmul(
-            one - slope, (one - slope).transpose(0, 2, 1)
+            eye - slope, (eye - slope).transpose(0, 2, 1)
         )
         end = np.matmul(after.transpose(0, 2, 1), after) + np.matmul(moved.transpose(0, 2, 1), moved)
         turned = np.matmul(np.linalg.solve(begin, jump), np.linalg.solve(end, jump.transpose(0, 2, 1)))
@@ -331,58 +332,58 @@ class GraphChart(Curves):
         """How much stiffer the chart is than the body at a point, (m, c)."""
         return self.stiffness * spread(self.system.compliance, self.system.shape[1])
 
-    def straight(self, theta: Array, side: Array, way: Array) -> bool:
-        """Whether no law is curved between ``theta`` and ``theta + way``, nor has a corner there."""
-        return not _Start.of(self, theta, side, way, STRAIGHT).left(1.0).any()
+    def straight(self, theta: Array, side: Array, increment: Array) -> bool:
+        """Whether no law is curved between ``theta`` and ``theta + increment``, nor has a corner there."""
+        return not _Start.of(self, theta, side, increment, STRAIGHT).left(1.0).any()
 
-    def leaves(self, theta: Array, side: Array, way: Array, slack: float, parts: int = 0) -> Corner | None:
-        """The first corner between ``theta`` and ``theta + way``, or where derivatives differ by more than the slack.
+    def leaves(self, theta: Array, side: Array, increment: Array, slack: float, parts: int = 0) -> Corner | None:
+        """The first corner of a straight way, or where derivatives differ by more than the slack.
 
-        It is looked for at the end, and at so many halves of the way from there.
+        It is looked for at the end, ``theta + increment``, and at so many halves of the way from there.
         """
-        start, halves = _Start.of(self, theta, side, way, slack), 0.5 ** np.arange(parts + 1)
+        start, halves = _Start.of(self, theta, side, increment, slack), 0.5 ** np.arange(parts + 1)
         if parts:
-            self.look_up(start.theta + halves[:, None] * way)
+            self.look_up(start.theta + halves[:, None] * increment)
         far = [part for part in halves if start.left(part).any()]
         if not far:
             return None
         high = float(far[-1])
         low = 0.5 * high if high > 0.5**parts else 0.0
-        near = _NEAR * self.length / max(float(np.abs(way).max()), _NEAR * self.length)
-        for k in range(_ROUNDS):
+        near = _NEAR * self.length / max(float(np.abs(increment).max()), _NEAR * self.length)
+        for k in range(60):  # every third one halves the stretch, so that 1e-6 of it is left at most
             if high - low <= 2.0 * near + 1e-15 * high:
                 break
             guess = start.guess(high)
             for part in (guess + 0.5 * near, guess - 0.5 * near) if k % 3 < 2 else (0.5 * (low + high),):
                 if low < part < high:
                     low, high = (low, part) if start.left(part).any() else (part, high)
-        return self._corner(start.theta + high * way, way, high, _TELL)
+        return self._corner(start.theta + high * increment, increment, high, 2.5 * _NEAR)
 
-    def _corner(self, place: Array, way: Array, part: float, near: float) -> Corner:
+    def _corner(self, theta: Array, increment: Array, part: float, near: float) -> Corner:
         """What jumps at a place of a way, or near it."""
         m, c = self.system.shape
-        beside = near * self.length * way / float(np.abs(way).max())
-        jump = self.pairs(place + beside)[2] - self.pairs(place - beside)[2]
+        beside = near * self.length * increment / float(np.abs(increment).max())
+        jump = self.pairs(theta + beside)[2] - self.pairs(theta - beside)[2]
         size = np.abs(jump).max(axis=(1, 2), initial=0.0)
         point = np.flatnonzero(size > _JUMP)
-        return Corner(part, point, _normals(jump[point], way.reshape(m, c)[point]))
+        return Corner(part, point, _normals(jump[point], increment.reshape(m, c)[point]))
 
-    def crossing(self, j: int, place: Array, normal: Array, reach: float) -> float | None:
-        """How far along its normal a contact point at ``place (c,)`` is from a corner; None if none is in reach.
+    def crossing(self, j: int, theta: Array, normal: Array, reach: float) -> float | None:
+        """How far along its normal a contact point at ``theta (c,)`` is from a corner; None if none is in reach.
 
         Corners may lie close to one another: a small part of the reach is searched first.
         """
-        found = (self._crossing(j, place, normal, part * reach) for part in _PARTS)
-        return next((off for off in found if off is not None), None)
+        offsets = (self._crossing(j, theta, normal, part * reach) for part in (1e-2, 1e-1, 1.0))
+        return next((offset for offset in offsets if offset is not None), None)
 
-    def _crossing(self, j: int, place: Array, normal: Array, reach: float) -> float | None:
-        ends = self.pair_of(j, place + np.array([-reach, reach])[:, None] * normal)
+    def _crossing(self, j: int, theta: Array, normal: Array, reach: float) -> float | None:
+        ends = self.pair_of(j, theta + np.array([-reach, reach])[:, None] * normal)
         if np.abs(ends[1] - ends[0]).max() <= _JUMP:
             return None
         low, high = -reach, reach
-        while high - low > _ROUNDED * self.length + 4e-16 * float(np.abs(place).max()):
+        while high - low > _ROUNDED * self.length + 4e-16 * float(np.abs(theta).max()):
             tried = np.linspace(low, high, 18)[1:-1]
-            slopes = self.pair_of(j, place + tried[:, None] * normal)
+            slopes = self.pair_of(j, theta + tried[:, None] * normal)
             over = np.abs(slopes - ends[0]).max(axis=(1, 2)) > np.abs(slopes - ends[1]).max(axis=(1, 2))
             first = int(np.argmax(over)) if over.any() else tried.size
             before, after = tried[first - 1] if first else low, tried[first] if first < tried.size else high
@@ -391,9 +392,9 @@ class GraphChart(Curves):
             low, high = float(before), float(after)
         return 0.5 * (low + high)
 
-    def passing(self, place: Array, way: Array) -> Corner:
+    def passing(self, theta: Array, increment: Array) -> Corner:
         """All points that are at a corner of a place of the path, and pass it along the way."""
-        return self._corner(place, way, 1.0, BESIDE)
+        return self._corner(theta, increment, 1.0, BESIDE)
 
     def side_of(self, corner: Corner, chosen: BoolArray) -> Array:
         """A small vector into the pieces beyond a corner for the chosen of its points, else before it."""
@@ -410,11 +411,11 @@ class GraphChart(Curves):
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """A place, a way from it, and what the pairs would be if no piece were left and none were curved."""
+    """A point theta, an increment from it, and what the pairs would be if no piece were left and none were curved."""
 
     chart: GraphChart
     theta: Array
-    way: Array
+    increment: Array
     r: Array
     lam: Array
     slope: Array
@@ -422,24 +423,24 @@ class _Start:
     slack: float
 
     @staticmethod
-    def of(chart: GraphChart, theta: Array, side: Array, way: Array, slack: float) -> _Start:
+    def of(chart: GraphChart, theta: Array, side: Array, increment: Array, slack: float) -> _Start:
         theta = theta + side
         r, lam, slope = chart.pairs(theta)
-        rate = np.matmul(slope, way.reshape(chart.system.shape)[:, :, None])[:, :, 0]
-        return _Start(chart, theta, way, r, lam, slope, rate, slack)
+        rate = np.matmul(slope, increment.reshape(chart.system.shape)[:, :, None])[:, :, 0]
+        return _Start(chart, theta, increment, r, lam, slope, rate, slack)
 
     def _off(self, part: float) -> tuple[Array, Array, Array]:
         """By how much r (m, c) and the derivative (m, c, c) miss it at a part of the way; and the jump's rate."""
-        r, _, slope = self.chart.pairs(self.theta + part * self.way)
-        way = self.way.reshape(r.shape)
+        r, _, slope = self.chart.pairs(self.theta + part * self.increment)
+        increment = self.increment.reshape(r.shape)
         jump = slope - self.slope
-        return r - self.r - part * self.rate, jump, np.matmul(jump, way[:, :, None])[:, :, 0]
+        return r - self.r - part * self.rate, jump, np.matmul(jump, increment[:, :, None])[:, :, 0]
 
     def left(self, part: float) -> BoolArray:
         """Which points (m,) are no longer where they would be."""
         off, jump, _ = self._off(part)
-        moved = part * np.abs(self.way.reshape(off.shape)).max(axis=1)
-        bent = np.abs(off).max(axis=1) > self.slack * moved + 1e-12 * self.chart.length
+        moved = part * np.abs(self.increment.reshape(off.shape)).max(axis=1)
+        bent = np.abs(off).max(axis=1) > self.slack * moved + _ROUNDED * self.chart.length
         # Far away multipliers are differences of large numbers, and so is what a bound that follows them makes of them.
         size = np.abs(self.lam / self.chart.stiffness).max(axis=1)
         rounded = np.minimum(_FAR_AWAY, 1e-15 * moved / np.maximum(size, 1e-300))
@@ -454,26 +455,23 @@ class _Start:
         return part - float(back.max(initial=0.0))
 
 
-def _normals(jump: Array, way: Array) -> Array:
+def _normals(jump: Array, increment: Array) -> Array:
     """Unit normals (k, c) of jumps ``b n'`` (k, c, c), along the way; the way itself where a jump has none."""
     if not len(jump):
-        return way
+        return increment
     _, values, rows = np.linalg.svd(jump)
-    along = np.einsum("kc,kc->k", rows[:, 0], way)
-    size = np.linalg.norm(way, axis=1)
+    along = np.einsum("kc,kc->k", rows[:, 0], increment)
+    size = np.linalg.norm(increment, axis=1)
     sloped = np.abs(along) > 1e-9 * size
     plain = sloped if values.shape[1] == 1 else sloped & (values[:, 1] <= _NO_NORMAL * values[:, 0])
-    heading = way / np.where(size > 0.0, size, 1.0)[:, None]
+    heading = increment / np.where(size > 0.0, size, 1.0)[:, None]
     return np.where(plain[:, None], rows[:, 0] * np.where(along < 0.0, -1.0, 1.0)[:, None], heading)
 
 
 def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart | None = None) -> GraphChart:
     """The chart of a condensed problem near a state ``r, lam (m, c)``, and where a ``known`` one was enough.
 
-    Raises
-    ------
-    MethodError
-        A law falls at once, so that it has no chart.
+    Raises :class:`MethodError` where a law falls at once, for it has no chart.
     """
     alpha = _least(system.law, r, lam)
     if not np.isfinite(alpha).all():
@@ -481,7 +479,7 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
             f"law '{system.law.name}' drops discontinuously, so its load path needs a linear plane body and a "
             f"separable law; give the drop a slope"
         )
-    a = np.maximum((_ABOVE if known is None else _FAR_ABOVE) * alpha, 1.0 / system.compliance)
+    a = np.maximum((1.0 if known is None else 4.0) * _ABOVE * alpha, 1.0 / system.compliance)
     if known is not None:
         return replace(known, a=np.maximum(a, known.a))
     return GraphChart(system, a, r + lam / spread(a, r.shape[1]))
@@ -509,9 +507,9 @@ def _resists(work: Array) -> bool:
 def _flexibilities(stiff: Array, weighed: Array, moves: BoolArray) -> Array:
     """Eigenvalues of ``stiff^-1 weighed``, but for motions that nothing resists; rows but ``moves (n,)`` are zero."""
     try:
-        found = np.linalg.eigvals(weighed[moves] @ np.linalg.solve(stiff, np.eye(len(stiff))[:, moves]))
-        if np.abs(found).max(initial=0.0) * _NEUTRAL * np.linalg.norm(stiff) < np.linalg.norm(weighed):
-            return np.asarray(found)
+        eigenvalues = np.linalg.eigvals(weighed[moves] @ np.linalg.solve(stiff, np.eye(len(stiff))[:, moves]))
+        if np.abs(eigenvalues).max(initial=0.0) * _NEUTRAL * np.linalg.norm(stiff) < np.linalg.norm(weighed):
+            return np.asarray(eigenvalues)
     except np.linalg.LinAlgError:
         pass
     force, motion = la.eigvals(stiff, weighed, homogeneous_eigvals=True)

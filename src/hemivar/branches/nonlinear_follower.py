@@ -1,4 +1,4 @@
-"""The path of a body that is not linear: in its place, wherever the path is, the linear body with its tangent there."""
+"""Continuation of a body that is not linear: at each point of the path, the linear body with its tangent stiffness."""
 
 from __future__ import annotations
 
@@ -21,16 +21,22 @@ from hemivar.fem import LoadLine
 from hemivar.systems.condensed import CondensedProblem, condense
 from hemivar.systems.nonlinear_body import linear_bulk
 
-__all__ = ["NonlinearFollower", "linear_in_place"]
+__all__ = ["NonlinearFollower", "tangent_body"]
 
-#: Places that are remembered.
-_KEPT = 8
-#: Part of the range of loads over which the rate of the forces is taken.
+#: Part of the range of loads over which the rate of the forces is taken by a difference: exact but for rounding where
+#: loads are linear in the factor. 1e-5 and 1e-7 give the same paths in tests/branches.
 _BESIDE = 1e-6
-#: Corrections of the inside with one stiffness, and stiffnesses that are tried.
-_CORRECTIONS, _STIFFNESSES = 30, 20
-#: Part of the largest displacement below which a correction is rounding; and below which it may be what is left of it.
-_ROUNDED, _LEFT = 1e-15, 1e-10
+#: Corrections of the inside with one stiffness; one that does not halve what is left ends them before. 15 and 60 give
+#: the same paths in tests/branches.
+_CORRECTIONS = 30
+#: Stiffnesses that are tried, each at the last point reached: Newton's method. 5 and 80 give the same paths in
+#: tests/branches.
+_STIFFNESSES = 20
+#: Part of the largest displacement below which a correction is rounding: a few units in the last place.
+_ROUNDED = 1e-15
+#: Part of the largest displacement below which corrections that no longer shrink are rounding of the body. 1e-9 and
+#: 1e-11 give the same paths in tests/branches.
+_LEFT = 1e-10
 
 
 class _LostError(Exception):
@@ -38,7 +44,7 @@ class _LostError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _TangentBody:
     """A body where it is: all its unknowns (n,), and the linear body with its forces and stiffness there."""
 
     unknowns: Array
@@ -54,12 +60,12 @@ class NonlinearFollower(GraphFollower):
 
     @cached_property
     def _known(self) -> Recent[tuple[bytes, float], tuple[GraphChart, Array, Array]]:
-        return Recent(_KEPT)
+        return Recent(8)  # a step asks for its two ends and a few points between them
 
     @cached_property
-    def _place(self) -> list[_Place]:
+    def _last(self) -> list[_TangentBody]:
         """Where the body was last."""
-        return [_Place(self.start, self.chain.system)]
+        return [_TangentBody(self.start, self.chain.system)]
 
     def advance(
         self, theta: Array, segment: AnyArray, t: float, v: Array, length: float
@@ -83,32 +89,32 @@ class NonlinearFollower(GraphFollower):
 
     def unknowns(self, r: Array, t: float) -> Array:
         """All unknowns (n,) for displacements (m, d) of the contact points and a load."""
-        self._place[:] = [self._inside(self.line.at(t), r)]
-        return self._place[0].unknowns
+        self._last[:] = [self._inside(self.line.at(t), r)]
+        return self._last[0].unknowns
 
     def body_at(self, theta: Array, t: float) -> tuple[GraphChart, Array, Array]:
         return self._known.once((theta.tobytes(), t), lambda: self._body_at(theta, t))
 
     def _body_at(self, theta: Array, t: float) -> tuple[GraphChart, Array, Array]:
         u = self.unknowns(self.chain.local(theta, self.chain.here)[0], t)
-        self._place[:] = [_Place(u, _condensed(self.line.at(t), u))]
-        chart = replace(self.chain, system=self._place[0].system)
+        self._last[:] = [_TangentBody(u, _condensed(self.line.at(t), u))]
+        chart = replace(self.chain, system=self._last[0].system)
         force, beside = chart.load_of(chart.system), _BESIDE * (self.high - self.low)
-        after = chart.load_of(_under(self._place[0], self.line.at(t + beside)))
+        after = chart.load_of(_under(self._last[0], self.line.at(t + beside)))
         return chart, force + self.force0, (after - force) / beside
 
-    def _inside(self, problem: DiscreteProblem, r: Array) -> _Place:
+    def _inside(self, problem: DiscreteProblem, r: Array) -> _TangentBody:
         """The body in equilibrium but for its contact points: by a stiffness near, or by its own."""
-        place = self._place[0]
+        body = self._last[0]
         for _ in range(_STIFFNESSES):
-            u, settled = _settled(place, problem, r)
-            if settled:
-                return _Place(u, place.system)
-            place = _Place(u, _condensed(problem, u))
+            u, converged = _balanced(body, problem, r)
+            if converged:
+                return _TangentBody(u, body.system)
+            body = _TangentBody(u, _condensed(problem, u))
         raise _LostError
 
 
-def linear_in_place(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
+def tangent_body(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
     """The linear body that has the forces and the stiffness of a body at unknowns (n,)."""
     bulk = linear_bulk(problem.bulk, u)
     return problem.under(problem.out_of_balance(u) + bulk.gradient(u), bulk=bulk)
@@ -116,31 +122,31 @@ def linear_in_place(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
 
 def _condensed(problem: DiscreteProblem, u: Array) -> CondensedProblem:
     try:
-        return condense(linear_in_place(problem, u))
+        return condense(tangent_body(problem, u))
     except ProblemError:  # the material has softened
         raise _LostError from None
 
 
-def _under(place: _Place, problem: DiscreteProblem) -> CondensedProblem:
+def _under(body: _TangentBody, problem: DiscreteProblem) -> CondensedProblem:
     """The linear body of a place with the forces that another load leaves there."""
-    own, u = place.system.problem, place.unknowns
+    own, u = body.system.problem, body.unknowns
     load = problem.out_of_balance(u) + own.linear.gradient(u)
-    return place.system.for_problem(own.under(load, offset=problem.offset))
+    return body.system.for_problem(own.under(load, offset=problem.offset))
 
 
-def _settled(place: _Place, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
+def _balanced(body: _TangentBody, problem: DiscreteProblem, r: Array) -> tuple[Array, bool]:
     """The unknowns after corrections by the stiffness of a place, and whether they stand; the last good ones if not."""
     bulk, last = cast(Potential, problem.bulk), np.inf
-    held = float(np.abs(bulk.energy.origin).max())
+    extent = float(np.abs(bulk.energy.origin).max())
     for _ in range(_CORRECTIONS):
-        found = _under(place, problem).unknowns(r)
-        if not np.isfinite(found).all():
+        u = _under(body, problem).unknowns(r)
+        if not np.isfinite(u).all():
             break
-        moved, size = float(np.abs(found - place.unknowns).max()), max(float(np.abs(found).max()), held)
-        place = _Place(found, place.system)
+        moved, size = float(np.abs(u - body.unknowns).max()), max(float(np.abs(u).max()), extent)
+        body = _TangentBody(u, body.system)
         if moved <= _ROUNDED * size or (moved >= 0.5 * last and moved <= _LEFT * size):
-            return found, True
+            return u, True
         if moved >= 0.5 * last:
             break
         last = moved
-    return place.unknowns, False
+    return body.unknowns, False

@@ -1,4 +1,4 @@
-"""A path of equilibria: its points, folds and jumps, and why it ends."""
+"""A path of equilibria: its points, folds (limit points), bifurcations and jumps, and why it ends."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from hemivar.fem import LoadLine
 from hemivar.fem.contact_basis import nodal_depths
 from hemivar.solvers.boundary_result import friction_of
 
-__all__ = ["Bifurcation", "Fold", "Path", "PathEnd", "PathJump"]
+__all__ = ["SAME_LOAD", "Bifurcation", "Fold", "Path", "PathEnd", "PathJump"]
 
 
-#: Part of the limit load by which the first instability may miss it and be the same.
-_SAME = 1e-9
-#: Folds, and jumps, up to which all count.
+#: Part of the loads by which two load factors may differ and be the same. 1e-8 and 1e-10 give the same paths in
+#: tests/branches.
+SAME_LOAD = 1e-9
+#: Folds, and jumps, up to which all are main ones: so many can be read in a line.
 _FEW = 4
-#: Part of the span of all fold loads by which the load turns at a main fold.
+#: Part of the span of all fold loads by which the load turns at a main fold. It is a choice, which
+#: :attr:`Path.main_folds` states: a front that passes one node after the other turns the load by less.
 _TOOTH = 0.1
 
 
@@ -230,7 +232,7 @@ class Path(PickleMixin, ReprMixin):
         """Limit load and first instability in words, rounded to four digits."""
         limit, first = self.limit_load, self.first_instability
         if limit is not None:
-            same = first is None or abs(first - limit) <= _SAME * abs(limit)
+            same = first is None or abs(first - limit) <= SAME_LOAD * abs(limit)
             return f"limit load factor {limit:.4g}" + ("" if same else f" (first instability {first:.4g})")
         own = (
             "not reached"
@@ -267,15 +269,15 @@ class Path(PickleMixin, ReprMixin):
 
         Interpolated linearly: exact where the path is not curved.
         """
-        found: list[tuple[Array, bool]] = []
+        crossings: list[tuple[Array, bool]] = []
         t = self.load_factor
         for i in range(len(self) - 1):
             first = i == 0 or t[i] != load_factor
             between = (t[i] - load_factor) * (t[i + 1] - load_factor) <= 0.0 and t[i] != t[i + 1]
             if between and first:
                 part = (load_factor - t[i]) / (t[i + 1] - t[i])
-                found.append((self.local[i] + part * (self.local[i + 1] - self.local[i]), bool(self.stable[i])))
-        return found
+                crossings.append((self.local[i] + part * (self.local[i + 1] - self.local[i]), bool(self.stable[i])))
+        return crossings
 
 
 def _large_turns(loads: Array, part: float) -> BoolArray:

@@ -1,4 +1,4 @@
-"""Numbers that an equilibrium has, by name: what is drawn over the load, and where a path ends."""
+"""Numbers that an equilibrium has, by name: what a bifurcation diagram draws over the load, and where a path ends."""
 
 from __future__ import annotations
 
@@ -53,26 +53,14 @@ QUANTITIES: Mapping[str, PathQuantity] = MappingProxyType(
 
 
 def quantity_on(name: str, contact: ContactPoints) -> tuple[PathQuantity, IntArray]:
-    """The quantity of a name, and the contact points (k,) that it sees: all, or those of ``quantity:boundary``.
-
-    Raises
-    ------
-    ProblemError
-        There is no such contact boundary.
-    """
+    """The quantity of a name, and the contact points (k,) that it sees: all, or those of ``quantity:boundary``."""
     known, _, boundary = name.partition(":")
     points = contact.on(boundary) if boundary else np.arange(contact.count)
     return QUANTITIES[known if known in QUANTITIES else f"max-{known}"], points
 
 
 def checked_until(until: object) -> Mapping[str, float]:
-    """Values of quantities by name, as they are given.
-
-    Raises
-    ------
-    ProblemError
-        It is no mapping, a name is not known, or a value is no finite number.
-    """
+    """Values of quantities by name, as they are given."""
     given: Mapping[str, float] = expect(until, Mapping, "until", "give values by names, such as {'max-opening': 0.1}")
     for name, value in given.items():
         known, on, _ = str(name).partition(":")

@@ -1,4 +1,4 @@
-"""The last digits of a solution: refinement on the pieces and kinks that it was found on."""
+"""The last digits of a solution: iterative refinement on the pieces and kinks that it was found on."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["Polished", "polish", "polish_by_solver"]
 
 _EPS = float(np.finfo(float).eps)
+#: Relative residual that is asked of a method at the end. 1e-12 and 1e-14 give the same solutions in tests/branches.
 _TIGHT = 1e-13
-#: Part of the load that rounding may reach.
-_TELLING = 1e-3
-_STEPS = 3
+#: Part of the load that rounding of the residual may reach before it hides the load. 1e-2 and 1e-4 give the same
+#: solutions in tests/branches.
+_HIDES = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Polished:
 
         Not where rounding hides the load: a body that has run away excuses any residual.
         """
-        if not np.isfinite(self.residual.total) or self.rounding > _TELLING * self.residual.scale:
+        if not np.isfinite(self.residual.total) or self.rounding > _HIDES * self.residual.scale:
             return False
         allowed = controls.atol + controls.rtol * self.residual.scale + self.residual.rounding + self.rounding + more
         return bool(self.residual.total <= allowed)
@@ -57,7 +58,7 @@ def polish(
     """All unknowns of a point of the graph, refined on the whole problem where the tolerance is not met at once."""
     problem = system.problem
     best = _best(system, system.recover(r, lam)[0], r, lam)
-    for _ in range(_STEPS):
+    for _ in range(3):
         if best.residual.below(controls.atol, 0.01 * controls.rtol) or chain.size == 0:
             break
         u, lam = best.unknowns, best.multiplier.copy()
@@ -90,17 +91,17 @@ def _best(system: CondensedProblem, u: Array, r: Array, lam: Array) -> Polished:
     if not np.any(problem.load):
         bodies.append(np.zeros_like(u))
     pairs = [(body, multiplier) for body in bodies for multiplier in (lam, nearest)]
-    found = [residual(problem, *pair) for pair in pairs]
+    residuals = [residual(problem, *pair) for pair in pairs]
     # of equal ones, the element of the law itself
-    order = sorted(range(len(pairs)), key=lambda i: (max(found[i].total - found[i].rounding, 0.0), -i))
+    order = sorted(range(len(pairs)), key=lambda i: (max(residuals[i].total - residuals[i].rounding, 0.0), -i))
     body, multiplier = pairs[order[0]]
     moved = bulk.row_sums * np.abs(body) + np.abs(problem.load) + np.abs(problem.contact_force(np.abs(multiplier)))
-    return Polished(body, multiplier, found[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
+    return Polished(body, multiplier, residuals[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
 
 
-def _near(system: CondensedProblem, one: Solution, two: Solution) -> bool:
+def _near(system: CondensedProblem, first: Solution, second: Solution) -> bool:
     """Whether two solutions are the same but for the tolerance: a method goes downhill from a saddle."""
-    return bool(np.abs(one.local - two.local).max(initial=0.0) <= 1e-5 * system.length_scale)
+    return bool(np.abs(first.local - second.local).max(initial=0.0) <= 1e-5 * system.length_scale)
 
 
 def polish_by_solver(

@@ -1,4 +1,4 @@
-"""The search for solutions: many starts, deflation and load paths, and what was found so far."""
+"""The search for solutions: multistart, deflated Newton's method and continuation, and what was found so far."""
 
 from __future__ import annotations
 
@@ -34,15 +34,21 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["SearchProgress", "SolutionSearch"]
 
-#: Steps of Newton's method to a saddle.
+#: Steps of Newton's method to a saddle. 12 and 50 give the same solutions in tests/branches.
 _NEWTON = 25
-#: Starts that are deflated side by side, and entries of their Jacobians at most: 8 MiB.
-_AT_ONCE, _ENTRIES = 20, 2**20
-#: Relative residual of a start whose pieces and kinks are tried.
+#: Starts that are deflated side by side: what one finds, the others no longer go to. 5 and 80 give the same solutions
+#: in tests/branches.
+_AT_ONCE = 20
+#: Entries of their Jacobians at most, which take 8 MiB.
+_ENTRIES = 2**20
+#: Relative residual of a start whose pieces and kinks are tried. 1e-1 and 1e-3 give the same solutions in
+#: tests/branches.
 _ROUGH = 1e-2
-#: Part of the length of a chain by which two zeros differ.
+#: Part of the length of a chain by which two zeros differ. They are solved to 1e-12 of the force; 1e-8 and 1e-10
+#: give the same solutions in tests/branches.
 _APART = 1e-9
-#: Points of glue that couples of which all combinations of intact and broken are tried.
+#: Points of glue that couples of which all 2^4 combinations of intact and broken are tried; with more points, so many
+#: at random. 2 and 6 give the same solutions in tests/branches.
 _COMBINED = 4
 #: Methods that start from where they begin by themselves.
 _SOLVERS = (NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL), LoadStepping())
@@ -93,11 +99,11 @@ class SolutionSearch:
         self.limit = limit
         self.random = random
         self.starts = self.planned = 0
-        self.found: list[Solution] = []
+        self.solutions: list[Solution] = []
         self.points: list[tuple[Array, IntArray]] = []
         self.left_out = 0
         self.full_and_more = False
-        self._places: list[Array] = []
+        self._displacements: list[Array] = []
         self._errors: list[Array] = []
         self._stiffness = np.sqrt(system.diagonal)
         self.budget = budget
@@ -107,7 +113,7 @@ class SolutionSearch:
     def follow(self, chain: Chain) -> None:
         """Take up the curves of the law, which were not there before."""
         self.chain = chain
-        self.points = [chain.nearest(solution.local, solution.multiplier) for solution in self.found]
+        self.points = [chain.nearest(solution.local, solution.multiplier) for solution in self.solutions]
 
     @contextmanager
     def stopped_cleanly(self) -> Iterator[None]:
@@ -132,16 +138,16 @@ class SolutionSearch:
     @property
     def progress(self) -> SearchProgress:
         """How far the search is."""
-        return SearchProgress(self.starts, len(self.found), self.planned)
+        return SearchProgress(self.starts, len(self.solutions), self.planned)
 
     @property
     def full(self) -> bool:
         """Whether as many solutions as were asked for are there."""
-        return len(self.found) >= self.limit
+        return len(self.solutions) >= self.limit
 
     def sorted(self) -> tuple[Solution, ...]:
         """The solutions by their energy."""
-        return tuple(sorted(self.found, key=lambda solution: solution.energy))
+        return tuple(sorted(self.solutions, key=lambda solution: solution.energy))
 
     # ---- what was found ------------------------------------------------------------------------------------
 
@@ -150,9 +156,9 @@ class SolutionSearch:
 
         Compared is the energy that moves each component by itself, so that rigid motions count as well.
         """
-        if not self._places:
+        if not self._displacements:
             return False
-        size = np.array([(self._stiffness * np.abs(place - r)).max(initial=0.0) for place in self._places])
+        size = np.array([(self._stiffness * np.abs(other - r)).max(initial=0.0) for other in self._displacements])
         slack = (self._stiffness * error).max(initial=0.0)
         return bool((size <= 2.0 * slack + 2.0 * np.array(self._errors)).any())
 
@@ -167,13 +173,13 @@ class SolutionSearch:
         lam = system.multiplier(r)
         lam[chain.point, chain.column] = candidate.lam
         theta, segment = chain.at(candidate.r, candidate.lam, candidate.segment), candidate.segment
-        found = polish(system, chain, r, lam, theta, segment, self.controls)
-        if not found.solves(self.controls, candidate.rounding):
+        polished = polish(system, chain, r, lam, theta, segment, self.controls)
+        if not polished.solves(self.controls, candidate.rounding):
             self.left_out += 1
         elif self.full:
             self.full_and_more = True
         else:
-            self._keep(self._solution(found), r, error)
+            self._keep(self._solution(polished), r, error)
             self.points.append((theta, segment))
 
     def add_point(self, theta: Array, segment: IntArray) -> bool:
@@ -187,10 +193,10 @@ class SolutionSearch:
         error = chain.error(theta, segment)
         if self.full or self.known(r, error):
             return False
-        found = polish(self.system, chain, r, lam, theta, segment, self.controls)
-        if not found.solves(self.controls):
+        polished = polish(self.system, chain, r, lam, theta, segment, self.controls)
+        if not polished.solves(self.controls):
             return False
-        self._keep(self._solution(found), r, error)
+        self._keep(self._solution(polished), r, error)
         self.points.append((theta, segment))
         return True
 
@@ -198,9 +204,9 @@ class SolutionSearch:
         """Add what a solver found if it converged and is new."""
         if solution.status is not Status.CONVERGED or self.full:
             return False
-        place = self._on_its_pieces(solution)
-        if place is not None:
-            return self.add_point(*place)
+        point = self._on_its_pieces(solution)
+        if point is not None:
+            return self.add_point(*point)
         solution, error = polish_by_solver(solution, self.system, self.workspace, self.controls, self.budget)
         if self.known(solution.local, error):
             return False
@@ -234,21 +240,21 @@ class SolutionSearch:
         except OutOfTime:
             return PointKind.STATIONARY
 
-    def _solution(self, found: Polished) -> Solution:
-        below = found.residual.below(self.controls.atol, self.controls.rtol)
+    def _solution(self, polished: Polished) -> Solution:
+        below = polished.residual.below(self.controls.atol, self.controls.rtol)
         return Solution(
             problem=self.system.problem,
-            unknowns=found.unknowns,
-            multiplier=found.multiplier,
+            unknowns=polished.unknowns,
+            multiplier=polished.multiplier,
             status=Status.CONVERGED if below else Status.STALLED,
-            residual=found.residual,
+            residual=polished.residual,
             method="find-solutions",
-            kind=self._kind(found.unknowns, found.multiplier),
+            kind=self._kind(polished.unknowns, polished.multiplier),
         )
 
     def _keep(self, solution: Solution, r: Array, error: Array) -> None:
-        self.found.append(solution)
-        self._places.append(r)
+        self.solutions.append(solution)
+        self._displacements.append(r)
         self._errors.append((self._stiffness * error).max(initial=0.0))
 
     # ---- starts ------------------------------------------------------------------------------------------
@@ -279,26 +285,26 @@ class SolutionSearch:
     def plan(self, count: int) -> None:
         """Count the starts there will be, with so many at random of each kind."""
         self.planned = (
-            self.starts + len(_SOLVERS) + len(self._places_to_start()) + len(self._bonded_or_broken()) + count
+            self.starts + len(_SOLVERS) + len(self._penetrations_to_start()) + len(self._bonded_or_broken()) + count
         )
         self.planned += 0 if self.chain is None else 2 * count
 
-    def _places_to_start(self) -> list[tuple[Array, float]]:
+    def _penetrations_to_start(self) -> list[tuple[Array, float]]:
         """Penetrations (m,) and a slip: under and over the load, and every piece of the law from both sides."""
         m, d = self.system.shape
         size = self.system.length_scale
-        places = [np.full(m, far * size) for far in (-5.0, 5.0)]
+        penetrations = [np.full(m, far * size) for far in (-5.0, 5.0)]
         if not (self.system.law.state_dependent or isinstance(self.system.law, MixedMode)):
             knots = self.system.law.penetration_knots
             ends = np.broadcast_to(np.where(np.isfinite(knots), knots, np.nan), (m, knots.shape[-1]))
             for k in range(min(ends.shape[1], 12)):
                 for side in (-1e-3, 1e-3):  # from both sides of every kink
-                    places.append(np.where(np.isfinite(ends[:, k]), ends[:, k], 0.0) + side * size)
+                    penetrations.append(np.where(np.isfinite(ends[:, k]), ends[:, k], 0.0) + side * size)
                 if k:
                     middle = 0.5 * (ends[:, k - 1] + ends[:, k])
-                    places.append(np.where(np.isfinite(middle), middle, 0.0))
+                    penetrations.append(np.where(np.isfinite(middle), middle, 0.0))
         slips = (0.0,) if d == 1 else (0.0, size, -size)
-        return [(place, slip) for place in places for slip in slips]
+        return [(penetration, slip) for penetration in penetrations for slip in slips]
 
     def _bonded_or_broken(self) -> list[Array]:
         """Places (m, d) of glue that couples: each point intact or broken, the body in balance with these springs.
@@ -315,14 +321,14 @@ class SolutionSearch:
             broken = np.random.default_rng(m).random((2**_COMBINED, m)) < np.linspace(0.0, 1.0, 2**_COMBINED)[:, None]
         rest = system.start(np.column_stack([np.full(m, -1e-9 * system.length_scale), np.zeros((m, d - 1))]))
         glue = system.weights[:, None, None] * system.law.frozen_at(rest).linearise(rest).hessian
-        free, places = system.free, []
+        free, starts = system.free, []
         for choice in broken:
             matrix = system.matrix + la.block_diag(*np.where(choice[:, None, None], 0.0, glue))
-            held = matrix[np.ix_(free, free)] + 1e-9 * np.diag(system.diagonal.ravel()[free])
+            supported = matrix[np.ix_(free, free)] + 1e-9 * np.diag(system.diagonal.ravel()[free])
             r = system.fixed.ravel().copy()
-            r[free] = la.solve(held, (system.load - system.matrix @ r)[free], assume_a="sym")
-            places.append(r.reshape(m, d))
-        return places
+            r[free] = la.solve(supported, (system.load - system.matrix @ r)[free], assume_a="sym")
+            starts.append(r.reshape(m, d))
+        return starts
 
     def from_solvers(self, count: int) -> Iterator[None]:
         """The minimising methods, from zero, under and over the load, from every piece, and at random."""
@@ -330,14 +336,14 @@ class SolutionSearch:
         for solver in _SOLVERS:
             self.run(solver)
             yield
-        newton, downhill, _ = _SOLVERS
-        for place, slip in self._places_to_start():
+        newton, descent, _ = _SOLVERS
+        for penetration, slip in self._penetrations_to_start():
             r = np.zeros((m, d))
-            r[:, 0], r[:, 1:2] = place, slip
-            self.run(downhill, self.system.start(r))
+            r[:, 0], r[:, 1:2] = penetration, slip
+            self.run(descent, self.system.start(r))
             yield
         for r in self._bonded_or_broken():
-            self.run(downhill, self.system.start(r))
+            self.run(descent, self.system.start(r))
             yield
         size = self.system.length_scale
         for k in range(count):
@@ -345,18 +351,18 @@ class SolutionSearch:
                 return
             spread = size * 10.0 ** self.random.uniform(-1.0, 0.7)
             r = self.random.normal(size=(m, d)) * spread
-            self.run(newton if k % 4 == 0 else downhill, self.system.start(r))
+            self.run(newton if k % 4 == 0 else descent, self.system.start(r))
             yield
 
     def from_between(self) -> Iterator[None]:
         """Newton's method, not downhill, from between any two solutions of a body that is not linear: to saddles."""
-        for one, two in itertools.combinations(tuple(self.found), 2):
+        for first, second in itertools.combinations(tuple(self.solutions), 2):
             if self.full:
                 return
             self.starts += 1
             for part in (0.5, 0.25, 0.75):
-                found = self._newton(one.unknowns + part * (two.unknowns - one.unknowns))
-                if found is not None and self.add_solution(found):
+                solution = self._newton(first.unknowns + part * (second.unknowns - first.unknowns))
+                if solution is not None and self.add_solution(solution):
                     break
             yield
 
@@ -414,7 +420,7 @@ class SolutionSearch:
         """The load path through every solution, and the ways down from every saddle."""
         chain = self.chain
         assert chain is not None
-        _, downhill, _ = _SOLVERS
+        _, descent, _ = _SOLVERS
         done = 0
         while done < min(len(self.points), rounds) and not self.full:
             theta, segment = self.points[done]
@@ -426,11 +432,11 @@ class SolutionSearch:
             step = 1e-3 * chain.length
             if not chain.stable(theta, segment):
                 for sign in (-1.0, 1.0):
-                    self.run(downhill, self.system.start(r + sign * step * _way_down(chain, theta, segment)))
+                    self.run(descent, self.system.start(r + sign * step * _descent_direction(chain, theta, segment)))
             yield
 
 
-def _way_down(chain: Chain, theta: Array, segment: IntArray) -> Array:
+def _descent_direction(chain: Chain, theta: Array, segment: IntArray) -> Array:
     """A direction (m, d) along which the energy falls from an unstable point, on both sides of it."""
     out = np.zeros(chain.system.shape)
     direction = np.zeros(chain.size)

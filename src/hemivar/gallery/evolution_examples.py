@@ -21,9 +21,11 @@ from hemivar.mesh import Mesh, rectangle
 
 __all__ = ["SCREWED_ARCH_DATA", "ScrewedArchData", "screwed_arch", "viscoelastic_beam"]
 
-#: (0, 1.2) x (0, 0.6): centre and radius of the arch, and of the screws.
+#: The body is (0, 1.2) x (0, 0.6) without the arch and the screws, as in the article.
 _LENGTH, _HEIGHT = 1.2, 0.6
+#: Centre and radius of the arch, as in the article.
 _ARCH = ((0.6, 0.0), 0.3)
+#: Centre and radius of each screw, as in the article.
 _SCREWS = (((0.15, 0.15), 0.05), ((0.15, 0.45), 0.05), ((1.05, 0.15), 0.05), ((1.05, 0.45), 0.05))
 
 

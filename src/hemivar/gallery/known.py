@@ -1,4 +1,4 @@
-"""Problems with exact solutions, derived in the docstrings."""
+"""Problems with exact or manufactured solutions, derived in the docstrings."""
 
 from __future__ import annotations
 
@@ -149,15 +149,15 @@ def elastic_bar_penetrations(
             "softening equals kappa, so that an interval of solutions exists, or none; change one of the two"
         )
     end = limit * (1.0 + stiffness / softening)
-    found = []
+    solutions = []
     if free <= 0.0 or free >= end:
-        found.append(free)
+        solutions.append(free)
     if 0.0 < free <= limit * (1.0 + stiffness / kappa):
-        found.append(kappa * free / (kappa + stiffness))
+        solutions.append(kappa * free / (kappa + stiffness))
     falling = (kappa * free - (stiffness + softening) * limit) / (kappa - softening)
     if limit < falling < end:
-        found.append(falling)
-    return tuple(sorted(found))
+        solutions.append(falling)
+    return tuple(sorted(solutions))
 
 
 def weighted_block(

@@ -570,17 +570,17 @@ class EarthquakeSlider:
                 f"between 0 and sigma (b - a)/L = {critical:.3g}; take one in between"
             )
         span = 6e9 * (0.5 * critical / self.stiffness)  # a period is about as long as the spring takes to be loaded
-        found = solve_ivp(
+        cycle = solve_ivp(
             change, (0.0, span), start, method="LSODA", rtol=rtol, atol=1e-12, events=events, max_step=2e7
         )
-        if not found.success or found.t_events[0].size < 2:
+        if not cycle.success or cycle.t_events[0].size < 2:
             raise ProblemError(
                 f"the slider with the stiffness {self.stiffness:.3g} shows no limit cycle up to t = {span:.3g}; take "
                 f"another between 0 and sigma (b - a)/L = {critical:.3g}"
             )
-        first, last = found.t_events[0][-2:]
+        first, last = cycle.t_events[0][-2:]
         turned, peaks = (
-            found.y_events[k][(found.t_events[k] >= first) & (found.t_events[k] <= last + 1e3)] for k in (1, 2)
+            cycle.y_events[k][(cycle.t_events[k] >= first) & (cycle.t_events[k] <= last + 1e3)] for k in (1, 2)
         )
         z = inner(turned[:, 0], turned[:, 1])
         stress = sigma * a * np.logaddexp(z, 0.5 * np.logaddexp(2.0 * z, 0.0)) + eta * self.creep

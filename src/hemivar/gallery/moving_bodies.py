@@ -325,8 +325,8 @@ class MindlinSphere:
             return np.asarray(self.friction * self.peak * np.sqrt(np.maximum(square, 0.0)))
 
         def far(x: Array, t: float) -> Array:
-            place = t if t <= 1.0 else 2.0 - t if t <= 3.0 else t - 4.0
-            return np.tile([largest * place, 0.0, 0.0], (len(x), 1))
+            part = t if t <= 1.0 else 2.0 - t if t <= 3.0 else t - 4.0
+            return np.tile([largest * part, 0.0, 0.0], (len(x), 1))
 
         problem = ContactProblem(
             mesh=_quarter(a, cells, sides * a),

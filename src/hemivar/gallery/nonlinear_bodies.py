@@ -93,10 +93,10 @@ def hencky_block(
         The top is not pushed down.
     """
     law, hencky = Compliance(20.0) if law is None else law, constants or HenckyConstants()
-    found = _roots(lambda r, _: -hencky.stress(r - pushed, 0.0) - _pressure(law, r), pushed)
-    if not found:
+    roots = _roots(lambda r, _: -hencky.stress(r - pushed, 0.0) - _pressure(law, r), pushed)
+    if not roots:
         raise ProblemError("the law presses nowhere as hard as the block; give one that does, such as a compliance")
-    s = found[0]
+    s = roots[0]
     pressure = -hencky.stress(s - pushed, 0.0)
 
     def displacement(x: Array) -> Array:
@@ -153,7 +153,7 @@ def hencky_ring(
         The ring is not pushed inwards.
     """
     law, hencky = Compliance(2.0) if law is None else law, constants or HenckyConstants()
-    found = _roots(lambda s, rough: _displacement(hencky, law, s, [2.0], rough)[0] + pushed, 2.0 * pushed)
+    roots = _roots(lambda s, rough: _displacement(hencky, law, s, [2.0], rough)[0] + pushed, 2.0 * pushed)
 
     def inwards(points: Array) -> Array:
         return np.asarray(-pushed * points / np.linalg.norm(points, axis=1)[:, None], dtype=float)
@@ -170,12 +170,12 @@ def hencky_ring(
     def known(s: float) -> KnownProblem:
         def displacement(x: Array) -> Array:
             r = np.linalg.norm(x, axis=1)
-            places, back = np.unique(r, return_inverse=True)
-            return np.asarray(x * (_displacement(hencky, law, s, places.tolist())[back] / r)[:, None])
+            radii, back = np.unique(r, return_inverse=True)
+            return np.asarray(x * (_displacement(hencky, law, s, radii.tolist())[back] / r)[:, None])
 
         return KnownProblem(problem, displacement, lambda x: np.full(len(x), _pressure(law, s)))
 
-    first, *others = (known(s) for s in found)
+    first, *others = (known(s) for s in roots)
     return replace(first, others=tuple(others))
 
 
@@ -184,7 +184,7 @@ def _pressure(law: Superpotential, s: float) -> float:
 
 
 def _displacement(
-    hencky: HenckyConstants, law: Superpotential, s: float, places: Sequence[float], rough: bool = False
+    hencky: HenckyConstants, law: Superpotential, s: float, radii: Sequence[float], rough: bool = False
 ) -> Array:
     """Radial displacements of the ring at increasing radii from 1 on, from the penetration at its inner side."""
     pressure = _pressure(law, s)
@@ -198,19 +198,19 @@ def _displacement(
         balance = hencky.stress(slope, hoop) - hencky.stress(hoop, slope)
         return [slope, -(balance / r + by_hoop * (slope - hoop) / r) / by_slope]
 
-    end, rtol = max(places[-1], 1.0 + 1e-9), 1e-6 if rough else 1e-13
+    end, rtol = max(radii[-1], 1.0 + 1e-9), 1e-6 if rough else 1e-13
     path = solve_ivp(rate, (1.0, end), [-s, start], "DOP853", dense_output=True, rtol=rtol, atol=1e-2 * rtol)
-    return np.asarray(path.sol(np.asarray(places))[0])
+    return np.asarray(path.sol(np.asarray(radii))[0])
 
 
 def _roots(function: Callable[[float, bool], float], last: float) -> list[float]:
-    """All zeros between 0 and a place, found by the sign at 200 places between them, where values may be rough."""
+    """All zeros between 0 and a number: signs at 200 numbers between them bracket each, where values may be rough."""
     if not 0.0 < last < np.inf:
         raise ProblemError(f"pushed is {last:g}; it must be positive, so that there is contact")
-    places = np.linspace(0.0, last, 201)[1:].tolist()
-    signs = np.sign([function(s, True) for s in places])
+    tried = np.linspace(0.0, last, 201)[1:].tolist()
+    signs = np.sign([function(s, True) for s in tried])
     return [
-        float(brentq(lambda s: function(s, False), places[i], places[i + 1], xtol=1e-15, rtol=1e-14))
+        float(brentq(lambda s: function(s, False), tried[i], tried[i + 1], xtol=1e-15, rtol=1e-14))
         for i in np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
     ]
 

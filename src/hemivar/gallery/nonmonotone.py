@@ -204,14 +204,14 @@ def shear_block_slips(
         )
     c = free - kinetic * bound / kappa
     drop = rate * (static - kinetic) * bound / kappa
-    found = [0.0] if kappa * free <= static * bound else []
+    slips = [0.0] if kappa * free <= static * bound else []
     argument = -drop * np.exp(-rate * c)
     if argument >= -np.exp(-1.0):
         for branch in (-1, 0):
             slip = c + float(lambertw(argument, branch).real) / rate
             if slip > 0.0:
-                found.append(slip)
-    return tuple(sorted(set(found)))
+                slips.append(slip)
+    return tuple(sorted(set(slips)))
 
 
 def shear_column(

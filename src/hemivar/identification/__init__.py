@@ -1,4 +1,4 @@
-"""Laws from measurements: parameters of a contact law that fit a measured curve, and what the curve leaves open."""
+"""Laws from measurements, an inverse problem: parameters that fit a measured curve, and what the curve leaves open."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An experiment on the model: one body, a row of loads and prescribed displacements, and what is measured of it."""
+"""An experiment, the forward map of a fit: loads and displacements that are set in rows, and what is measured there."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["Experiment"]
 
-#: Part of its entries by which the stiffness of a row may differ from that of the first.
+#: Part of its entries by which the stiffness of a row may differ from that of the first: the rounding of its assembly.
+#: 1e-11 and 1e-13 give the same fits in tests/identification.
 _SAME = 1e-12
 _WHAT = "identification"
 
@@ -35,22 +36,11 @@ class Experiment:
     """The rows of an experiment on one body, from the first to the last.
 
     What is measured is affine in the local displacements of the contact points: ``y = L r + c``, L the same for all.
-
-    Attributes
-    ----------
-    problems : tuple of DiscreteProblem
-        One for each row; they share their model, so that the body is condensed once.
-    linear : array (q, m, d)
-        L.
-    constants : array (n, q)
-        c, of each row.
-    workspace : Workspace
-    controls : Controls
     """
 
-    problems: tuple[DiscreteProblem, ...]
-    linear: Array
-    constants: Array
+    problems: tuple[DiscreteProblem, ...]  # one for each row, on one model, so that the body is condensed once
+    linear: Array  # (q, m, d): L
+    constants: Array  # (n, q): c of each row
     workspace: Workspace = field(repr=False)
     controls: Controls = field(default_factory=Controls)
 
@@ -58,22 +48,7 @@ class Experiment:
     def of(
         cls, problems: Sequence[DiscreteProblem], quantities: Sequence[str], controls: Controls | None = None
     ) -> Experiment:
-        """The experiment whose rows are stated, each discretised.
-
-        Parameters
-        ----------
-        problems : sequence of DiscreteProblem
-            With the same body; loads, prescribed displacements and gaps may differ.
-        quantities : sequence of str
-            What is measured, each with its component, see :func:`hemivar.bounds.goal_named`.
-        controls : Controls, optional
-
-        Raises
-        ------
-        ProblemError
-            The bodies differ, are not linear, were made of arrays, have no contact point or a law that depends on the
-            state; a quantity is not known.
-        """
+        """Rows of one body, each discretised, and what is measured, with its component, see :func:`.goal_named`."""
         first = problems[0]
         if first.origin is None or first.origin.kind:
             raise ProblemError(f"{_WHAT} needs a ContactProblem of an elastic body; state it, or read it from a file")
@@ -91,24 +66,24 @@ class Experiment:
                 raise ProblemError(f"'{goal}' is a vector; name the component that was measured, as in {goal}.x")
         workspace = Workspace()
         shared = tuple(
-            first if one is first else _on_the_same_body(first, one, number) for number, one in enumerate(problems, 1)
+            first if row is first else _on_the_same_body(first, row, number) for number, row in enumerate(problems, 1)
         )
         system = workspace.condensed(first, many=True)
-        measure = [[_measure(one, goal) for goal in goals] for one in problems]
+        measure = [[_measure(row, goal) for goal in goals] for row in problems]
         zero = np.zeros(system.shape)
         constants = np.empty((len(problems), len(goals)))
         for number, problem in enumerate(shared):
             check_time()
             loaded = system.for_problem(problem)
             at = loaded.unknowns(zero), _multiplier(loaded, zero)
-            constants[number] = [one(*at) for one in measure[number]]
+            constants[number] = [value(*at) for value in measure[number]]
         linear = np.empty((len(goals), *zero.shape))
         base = system.unknowns(zero), _multiplier(system, zero)
-        for place in np.ndindex(zero.shape):
+        for component in np.ndindex(zero.shape):
             unit = zero.copy()
-            unit[place] = system.length_scale or 1.0
+            unit[component] = system.length_scale or 1.0
             at = system.unknowns(unit), _multiplier(system, unit)
-            linear[(slice(None), *place)] = [(one(*at) - one(*base)) / unit[place] for one in measure[0]]
+            linear[(slice(None), *component)] = [(value(*at) - value(*base)) / unit[component] for value in measure[0]]
         return cls(shared, linear, constants, workspace, controls or Controls())
 
     def system(self, number: int, law: VectorLaw) -> CondensedProblem:
@@ -120,36 +95,36 @@ class Experiment:
 
         Where the law softens a body may have several; beginning where it was is what one does that is loaded slowly.
         """
-        found: list[Solution] = []
+        solutions: list[Solution] = []
         for problem in self.problems:
             loaded = problem.with_(law=law)
-            before = found[-1] if found else None
-            found.append(solve(loaded, None, self.controls, initial=before, workspace=self.workspace))
-            check_interrupt(found[-1].status)
+            before = solutions[-1] if solutions else None
+            solutions.append(solve(loaded, None, self.controls, initial=before, workspace=self.workspace))
+            check_interrupt(solutions[-1].status)
             check_time()
-        return found
+        return solutions
 
     def predicted(self, solutions: Sequence[Solution]) -> Array:
         """What would be measured, (n, q)."""
-        local = np.stack([one.local for one in solutions])
+        local = np.stack([solution.local for solution in solutions])
         return np.asarray(np.einsum("qmd,nmd->nq", self.linear, local) + self.constants)
 
     def error_bounds(self, law: VectorLaw, solutions: Sequence[Solution]) -> Array:
         """By how much what is computed may be off the discrete solution, (n, q): certified; inf where it is not."""
         n, q = len(solutions), len(self.linear)
-        found = np.full((n, q), np.inf)
-        for number, one in enumerate(solutions):
+        bounds = np.full((n, q), np.inf)
+        for number, solution in enumerate(solutions):
             check_time()
-            bound = certify(self.problems[number].with_(law=law), one, workspace=self.workspace).error_bound
+            bound = certify(self.problems[number].with_(law=law), solution, workspace=self.workspace).error_bound
             if bound is not None:
-                found[number] = bound
+                bounds[number] = bound
         check_time()  # without time a certificate claims nothing
         system = self.system(0, law)
         free = system.active.ravel()
         flat = self.linear.reshape(q, -1)[:, free]
         A = system.matrix[np.ix_(free, free)]
         sizes = np.sqrt(np.maximum(np.einsum("qk,kq->q", flat, np.linalg.lstsq(A, flat.T, rcond=None)[0]), 0.0))
-        return np.asarray(found * sizes)
+        return np.asarray(bounds * sizes)
 
 
 def _on_the_same_body(first: DiscreteProblem, other: DiscreteProblem, row: int) -> DiscreteProblem:

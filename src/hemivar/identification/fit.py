@@ -1,4 +1,4 @@
-"""Least squares over the parameters of a law, with intervals, and what the data cannot tell apart."""
+"""Nonlinear least squares over the parameters of a law: confidence intervals, and what is not identifiable."""
 
 from __future__ import annotations
 
@@ -32,20 +32,28 @@ if TYPE_CHECKING:
 
 __all__ = ["Fit", "FitOptions", "Parameter", "fit"]
 
-#: Relative change of a parameter by which its law is differenced.
+#: Relative change of a parameter by which its law is differenced, to one side: an error of 1e-6 by curvature, 1e-10 by
+#: rounding. 1e-5 and 1e-7 give the same fits in tests/identification.
 _CHANGE = 1e-6
-#: Misfit that is given to parameters for which the body cannot be solved, in units of the largest measured value.
+#: Misfit that is given to parameters for which the body cannot be solved, in units of the largest measured value. 1e2
+#: and 1e4 give the same fits in tests/identification.
 _NO_ANSWER = 1e3
-#: How many times more or less than the first guess a curve is before its units are doubted.
+#: How many times more or less than the first guess a curve is before its units are doubted. A choice: a mistaken unit
+#: is mostly a factor of 1000.
 _UNITS = 100.0
-#: Standard errors, relative to the parameter, beyond which it counts as not identified.
+#: Standard errors, relative to the parameter, beyond which it counts as not identified. A choice: at 0.5 an interval of
+#: 95 % reaches zero.
 _KNOWN = 0.5
-#: Singular values of the sensitivities, relative to the largest, that are none.
+#: Singular values of the sensitivities, relative to the largest, that are none. It must be above the rounding of the
+#: differences: 1e-6 and 1e-8 give the same fits in tests/identification, but 1e-8 does not with changes of 1e-7.
 _RANK = 1e-7
-#: How closely the curves of two starts agree where both found the same, relative to the largest measured value, and a
-#: misfit beyond which a third is tried all the same.
-_SAME, _POOR = 1e-6, 0.1
-#: Part of the measured curve that may stay unexplained before the law is doubted.
+#: How closely the curves of two starts agree where both found the same, relative to the largest measured value. 1e-5
+#: and 1e-7 give the same fits in tests/identification.
+_SAME = 1e-6
+#: Misfit, relative to the same, beyond which a third start is tried though two agree. 0.03 and 0.3 give the same fits
+#: in tests/identification.
+_POOR = 0.1
+#: Part of the variation of the measured curve that a law has to explain, else it is doubted. A choice.
 _EXPLAINED = 0.9
 
 
@@ -203,14 +211,15 @@ class Fit(PickleMixin):
     @property
     def identified(self) -> tuple[bool, ...]:
         """Of each parameter, whether the curve tells its size: a standard error of at most half of it."""
-        return tuple(bool(one) for one in self.standard_errors <= _KNOWN * np.abs(self.values))
+        return tuple((self.standard_errors <= _KNOWN * np.abs(self.values)).tolist())
 
     def value(self, key: str) -> float:
         """A parameter by its key, or by the last part of it."""
-        for one, value in zip(self.parameters, self.values, strict=True):
-            if key in (one.key, one.key.rpartition(".")[2]):
+        keys = [parameter.key for parameter in self.parameters]
+        for name, value in zip(keys, self.values, strict=True):
+            if key in (name, name.rpartition(".")[2]):
                 return float(value)
-        raise ProblemError(f"'{key}' was not fitted; fitted were {', '.join(one.key for one in self.parameters)}")
+        raise ProblemError(f"'{key}' was not fitted; fitted were {', '.join(keys)}")
 
     def plot(self, *, title: str | None = None) -> Figure:
         """Curve, fit, what is left, and intervals; see :func:`.plot_fit`."""
@@ -223,11 +232,11 @@ class Fit(PickleMixin):
         return summary
 
     def __repr__(self) -> str:
-        told = ", ".join(
-            f"{one.key.rpartition('.')[2]} = {value:.4g}"
-            for one, value in zip(self.parameters, self.values, strict=True)
+        values = ", ".join(
+            f"{parameter.key.rpartition('.')[2]} = {value:.4g}"
+            for parameter, value in zip(self.parameters, self.values, strict=True)
         )
-        return f"Fit({told}; misfit {self.misfit:.2g})"
+        return f"Fit({values}; misfit {self.misfit:.2g})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +263,7 @@ class _Curve:
     known: Recent[bytes, _Answer] = field(default_factory=lambda: Recent(2), repr=False)
 
     def values(self, variables: Array) -> Array:
-        return np.array([one.outside(float(x)) for one, x in zip(self.parameters, variables, strict=True)])
+        return np.array([key.outside(float(x)) for key, x in zip(self.parameters, variables, strict=True)])
 
     def at(self, variables: Array) -> _Answer:
         """Law, solutions and predicted quantities."""
@@ -277,7 +286,7 @@ class _Curve:
         """:meth:`off` where the answer is known."""
         _, solutions, predicted = answer
         left = (predicted - self.measurements.values) / self.measurements.scales
-        left[[one.status is not Status.CONVERGED for one in solutions]] = _NO_ANSWER
+        left[[solution.status is not Status.CONVERGED for solution in solutions]] = _NO_ANSWER
         return np.nan_to_num(left.ravel(), nan=_NO_ANSWER, posinf=_NO_ANSWER, neginf=-_NO_ANSWER)
 
     def slopes(self, variables: Array) -> Array:
@@ -293,19 +302,19 @@ class _Curve:
         n, q, p = self.measurements.count, self.measurements.values.shape[1], len(self.parameters)
         law, solutions, _ = answer
         changed = []
-        for place in range(p):
-            inwards = -1.0 if self.values(variables)[place] >= self.parameters[place].high else 1.0
-            step = inwards * _CHANGE * (1.0 if self.parameters[place].by_logarithm else max(1.0, abs(variables[place])))
-            there = variables.copy()
-            there[place] += step
-            changed.append((self.law(self.values(there)), step))
-        found = np.empty((n, q, p))
-        for number, one in enumerate(solutions):
+        for i, parameter in enumerate(self.parameters):
+            inwards = -1.0 if self.values(variables)[i] >= parameter.high else 1.0
+            step = inwards * _CHANGE * (1.0 if parameter.by_logarithm else max(1.0, abs(variables[i])))
+            moved = variables.copy()
+            moved[i] += step
+            changed.append((self.law(self.values(moved)), step))
+        slopes = np.empty((n, q, p))
+        for number, solution in enumerate(solutions):
             check_time()
             system = self.experiment.system(number, law)
-            change = derivative_by_law(system, one.local, one.multiplier, changed)
-            found[number] = np.einsum("qmd,mdp->qp", self.experiment.linear, change)
-        scaled = found / self.measurements.scales[None, :, None]
+            change = derivative_by_law(system, solution.local, solution.multiplier, changed)
+            slopes[number] = np.einsum("qmd,mdp->qp", self.experiment.linear, change)
+        scaled = slopes / self.measurements.scales[None, :, None]
         return np.asarray(np.nan_to_num(scaled.reshape(n * q, p), nan=0.0, posinf=0.0, neginf=0.0))
 
 
@@ -369,27 +378,26 @@ def fit(
             f"what is left; measure at least {p + 1}, or fit fewer parameters"
         )
     curve = _Curve(experiment, measurements, parameters, law)
-    begin = np.array([float(one.inside(one.middle)) for one in parameters])
-    low, high = (np.array([float(one.inside(getattr(one, end))) for one in parameters]) for end in ("low", "high"))
+    begin, low, high = np.array([[float(p.inside(x)) for x in (p.middle, p.low, p.high)] for p in parameters]).T
     rng = np.random.default_rng(options.seed)
     budget, watched, late = max_time if isinstance(max_time, Budget) else Budget(max_time), _Watched(curve), ""
     for number in range(options.starts):
-        place = begin if not number else rng.uniform(low, high)
+        start = begin if not number else rng.uniform(low, high)
         least, left = watched.least, watched.left
         try:
             with limited(budget):
                 if not number:
                     _check_units(curve, begin)
-                found = least_squares(
-                    watched.off, np.clip(place, low, high), curve.slopes, (low, high), x_scale=1.0, ftol=1e-12,
+                optimum = least_squares(
+                    watched.off, np.clip(start, low, high), curve.slopes, (low, high), x_scale=1.0, ftol=1e-12,
                     xtol=1e-10, gtol=1e-12, max_nfev=60,
                 )  # fmt: skip
         except OutOfTime:
             late = f"the time limit of {budget.limit:g} s ended the fit in start {number + 1} of {options.starts}"
             break
-        misfit = math.sqrt(2.0 * found.cost / count)
+        misfit = math.sqrt(2.0 * optimum.cost / count)
         yield FitAttempt(number, options.starts, misfit)
-        again = misfit <= least * (1.0 + _SAME) and bool((np.abs(found.fun - left) <= _SAME).all())
+        again = misfit <= least * (1.0 + _SAME) and bool((np.abs(optimum.fun - left) <= _SAME).all())
         if number and again and misfit < _POOR:
             break
     if late and watched.answer is None:
@@ -429,7 +437,7 @@ def _fitted(
     spread = np.sqrt(((directions * inverse[:, None]) ** 2).sum(axis=0)) * noise
     lost = (np.abs(directions[~known]) > math.sqrt(_RANK)).any(axis=0)
     values = curve.values(best)
-    by_log = np.array([one.by_logarithm for one in parameters])
+    by_log = np.array([parameter.by_logarithm for parameter in parameters])
     unit = np.where(by_log, values, 1.0)
     errors = np.where(lost, np.inf, spread * unit)
     doubt = "a row has several solutions or no certificate"
@@ -446,46 +454,47 @@ def _fitted(
         ratio = np.exp(half / unit)  # in the logarithm: what is positive has no interval below zero
         low, high = np.where(by_log, values / ratio, values - half), np.where(by_log, values * ratio, values + half)
     intervals = np.column_stack([low, high])
-    found = Fit(
+    fitted = Fit(
         tuple(parameters), values, intervals, errors, certified, options.confidence, noise, measurements, predicted, J,
         singular / max(noise, 1e-300), directions, tuple(solutions),
     )  # fmt: skip
-    return _with_messages(found, best, ends, doubt)
+    return _with_messages(fitted, best, ends, doubt)
 
 
 def _normal(options: FitOptions) -> float:
     return float(ndtri(0.5 + 0.5 * options.confidence))
 
 
-def _with_messages(found: Fit, best: Array, ends: tuple[Array, Array], doubt: str) -> Fit:
+def _with_messages(fitted: Fit, best: Array, ends: tuple[Array, Array], doubt: str) -> Fit:
     """The fit with what is to be known beside its numbers, in sentences."""
-    told = []
+    messages = []
     low, high = ends
-    for place, (one, identified) in enumerate(zip(found.parameters, found.identified, strict=True)):
-        name = one.key
+    at_end = np.minimum(best - low, high - best) <= 1e-6 * (high - low)
+    keys = [parameter.key for parameter in fitted.parameters]
+    for i, (key, identified) in enumerate(zip(keys, fitted.identified, strict=True)):
         if not identified:
-            reach = found.intervals[place]
+            reach = fitted.intervals[i]
             how = (
-                "the curve does not depend on it"
+                "the curve does not depend on it; leave it out of the fit, or measure where it acts"
                 if np.isinf(reach).any()
                 else f"it may lie from {reach[0]:.3g} to {reach[1]:.3g}"
             )
-            told.append(f"{name} is not identifiable from this curve: {how}")
-        elif min(best[place] - low[place], high[place] - best[place]) <= 1e-6 * (high[place] - low[place]):
-            told.append(f"{name} ended at the limit of its range, {found.values[place]:.3g}: widen the range")
-    weak = [row for row, size in zip(found.directions, found.singular_values, strict=True) if size < 1.0 / _KNOWN]
+            messages.append(f"{key} is not identifiable from this curve: {how}")
+        elif at_end[i]:
+            messages.append(f"{key} ended at the limit of its range, {fitted.values[i]:.3g}: widen the range")
+    weak = [row for row, size in zip(fitted.directions, fitted.singular_values, strict=True) if size < 1.0 / _KNOWN]
     for row in weak:
-        members = [one.key for one, share in zip(found.parameters, row, strict=True) if abs(share) > 0.3]
+        members = [key for key, share in zip(keys, row, strict=True) if abs(share) > 0.3]
         if len(members) > 1:
-            told.append(f"the curve cannot distinguish {' and '.join(members)}: another pair fits as well")
-    measured = found.measurements.values / found.measurements.scales
+            messages.append(f"the curve cannot distinguish {' and '.join(members)}: another pair fits as well")
+    measured = fitted.measurements.values / fitted.measurements.scales
     varied = float(((measured - measured.mean(axis=0)) ** 2).sum())
-    left = found.misfit**2 * measured.size
+    left = fitted.misfit**2 * measured.size
     if varied > 0.0 and left > (1.0 - _EXPLAINED) * varied:
-        told.append(
+        messages.append(
             f"the law explains {max(0.0, 1.0 - left / varied):.0%} of the variation of the curve: use another law, "
             f"or check the units and the order of the columns"
         )
-    if np.isnan(found.certified).any():
-        told.append(f"{doubt}: the intervals include the noise only")
-    return replace(found, messages=tuple(told))
+    if np.isnan(fitted.certified).any():
+        messages.append(f"{doubt}: the intervals include the noise only")
+    return replace(fitted, messages=tuple(messages))

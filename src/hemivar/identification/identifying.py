@@ -1,4 +1,4 @@
-"""Parameters of a contact law from a measured curve, for a problem file or a function."""
+"""Parameter identification: a contact law from a measured curve, for a problem file or a function."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ Model: TypeAlias = "str | Path | Callable[[Mapping[str, float]], ProblemLike]"
 
 #: Tables of a problem file whose keys a column may set.
 _SET_BY_COLUMNS = ("loads", "supports", "contact")
-#: How far the range of a parameter reaches to both sides of its value in the file, as a factor.
+#: How far the range of a parameter reaches to both sides of its value in the file, as a factor. A choice: a decade to
+#: both sides of a guess that is right up to a factor of two.
 _RANGE = 20.0
 
 
@@ -82,7 +83,7 @@ def identify(
 
     Examples
     --------
-    >>> found = hv.identification.identify("glue.toml", "curve.csv", {"contact.bottom.normal.strength": (0.5, 5.0)})
+    >>> fitted = hv.identification.identify("glue.toml", "curve.csv", {"contact.bottom.normal.strength": (0.5, 5.0)})
     ... # doctest: +SKIP
     """
     return result_of(identifying(problem, data, parameters, options, changes=changes, controls=controls, code=code))
@@ -126,7 +127,7 @@ def identifying(
     measured = expect(measured, Measurements, "the measured curve", "pass Measurements(...) or the path of a CSV file")
     wanted = _parameters(parameters, measured)
     state = _statement(problem, changes, measured.inputs, code)
-    first = {one.key: one.middle for one in wanted}
+    first = {parameter.key: parameter.middle for parameter in wanted}
     rows = [{**first, **measured.row(number)} for number in range(measured.count)]
     try:
         with limited(budget):
@@ -142,7 +143,7 @@ def identifying(
         return _law_on(experiment.problems[0], stated)
 
     attempts = fit(experiment, measured, wanted, law, options, budget)
-    return (yield from each_as(attempts, lambda one: Phase(_told(one), one.number, one.count)))
+    return (yield from each_as(attempts, lambda attempt: Phase(_message(attempt), attempt.number, attempt.count)))
 
 
 def parameters_of_law(
@@ -166,8 +167,8 @@ def parameters_of_law(
             f"contact '{names[0]}' has the law '{stated.get('law')}' in the file; state '{law}' there with a first "
             "guess of its parameters, or name each parameter and its range with --fit"
         )
-    numbers = {one.key for one in entry.parameters if one.stated.form in (Form.QUANTITY, Form.NUMBER)}
-    found = []
+    numbers = {field.key for field in entry.parameters if field.stated.form in (Form.QUANTITY, Form.NUMBER)}
+    fitted = []
     for name, value in stated.items():
         if name not in numbers:
             continue
@@ -176,21 +177,21 @@ def parameters_of_law(
                 f"contact.{names[0]}.normal.{name} is {quoted(value)}: a range around it needs a positive number; "
                 "name it with --fit"
             )
-        found.append(Parameter(f"contact.{names[0]}.normal.{name}", value / _RANGE, value * _RANGE, float(value)))
-    return tuple(found)
+        fitted.append(Parameter(f"contact.{names[0]}.normal.{name}", value / _RANGE, value * _RANGE, float(value)))
+    return tuple(fitted)
 
 
 def _parameters(
     parameters: Mapping[str, tuple[float, float]] | Sequence[Parameter], measured: Measurements
 ) -> tuple[Parameter, ...]:
     if isinstance(parameters, Mapping):
-        found = tuple(Parameter(key, *_range_of(key, ends)) for key, ends in parameters.items())
+        wanted = tuple(Parameter(key, *_range_of(key, ends)) for key, ends in parameters.items())
     else:
         listed: Iterable[object] = expect(parameters, Iterable, "the parameters", "give a dict of ranges by names")
-        found = tuple(expect(one, Parameter, "a parameter", "pass Parameter(key, low, high)") for one in listed)
-    if not found:
+        wanted = tuple(expect(item, Parameter, "a parameter", "pass Parameter(key, low, high)") for item in listed)
+    if not wanted:
         raise ProblemError("no parameter is to be fitted; name at least one with its range")
-    keys = [one.key for one in found]
+    keys = [parameter.key for parameter in wanted]
     for key in keys:
         if keys.count(key) > 1:
             raise ProblemError(f"parameter '{key}' is there twice; give it once")
@@ -198,7 +199,7 @@ def _parameters(
             raise ProblemError(
                 f"'{key}' is a column of what was set and a parameter to be fitted; it can be one of them"
             )
-    return found
+    return wanted
 
 
 def _range_of(key: str, ends: object) -> tuple[float, float]:
@@ -251,5 +252,5 @@ def _law_on(problem: DiscreteProblem, stated: ProblemLike) -> VectorLaw:
     return join_laws(groups)
 
 
-def _told(attempt: FitAttempt) -> str:
+def _message(attempt: FitAttempt) -> str:
     return f"start {attempt.number + 1} of {attempt.count}: misfit {attempt.misfit:.2%}"

@@ -22,6 +22,7 @@ __all__ = ["Measurements", "read_measurements"]
 
 #: Columns whose names say that they were measured: goals, with a component.
 _MEASURED = re.compile(r"(contact|support)\..+\.force\.[xyz]|boundary\..+\.displacement\.[xyz]")
+#: Rows of a curve at most: each is a problem that is solved in every iteration of the fit.
 _MOST_ROWS = 100_000
 _COMMAS = "commas between columns, points in numbers"
 _EXAMPLE = "as in 'supports.top.y' for what was set and 'support.top.force.y' for what was measured"
@@ -64,8 +65,10 @@ class Measurements(PickleMixin):
             object.__setattr__(self, name, MappingProxyType(given))
         rows = {key: values.size for key, values in arrays.items()}
         if len(set(rows.values())) != 1:
-            told = ", ".join(f"'{key}' {count}" for key, count in rows.items())
-            raise ProblemError(f"the columns of the measurements have different lengths: {told}; give one number a row")
+            sizes = ", ".join(f"'{key}' {count}" for key, count in rows.items())
+            raise ProblemError(
+                f"the columns of the measurements have different lengths: {sizes}; give one number a row"
+            )
         for key, values in arrays.items():
             wrong = np.flatnonzero(~np.isfinite(values))
             if wrong.size:
@@ -154,12 +157,12 @@ def _columns(name: str, head: Sequence[str], body: Sequence[Sequence[str]]) -> d
                 f"{_COMMAS}"
             )
     columns = {}
-    for place, key in enumerate(head):
-        values = [_number(row[place]) for row in body]
+    for column, key in enumerate(head):
+        values = [_number(row[column]) for row in body]
         if None in values:
             first = values.index(None)
             raise FileError(
-                f"{name}: column '{shown(key)}' has {quoted(shown(body[first][place]))} in row {first + 1}; give a "
+                f"{name}: column '{shown(key)}' has {quoted(shown(body[first][column]))} in row {first + 1}; give a "
                 f"number: {_COMMAS}"
             )
         columns[key] = np.array(values, dtype=float)

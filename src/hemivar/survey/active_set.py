@@ -49,14 +49,14 @@ class FixedSets:
     laws: tuple[Superpotential, ...]  # scalar laws of the components: normal, and in 2D tangential
     state: IntArray  # (m, d): even entries 2 i: on piece i; odd entries 2 i + 1: at knot i
 
-    def held(self) -> tuple[IntArray, Array]:
-        """Flat indices of the components that move, and all values with the held ones in place."""
+    def at_knots(self) -> tuple[IntArray, Array]:
+        """Flat indices of the components that move, and all values with those at knots or supports in place."""
         values = self.system.fixed.copy()
         moving = self.system.active.copy()
         for c, law in enumerate(self.laws):
             at_knot = self.state[:, c] % 2 == 1
-            hold = at_knot & self.system.active[:, c]
-            values[hold, c] = _knot(law, self.state[:, c])[hold]
+            active = at_knot & self.system.active[:, c]
+            values[active, c] = _knot(law, self.state[:, c])[active]
             moving[:, c] &= ~at_knot
         return np.flatnonzero(moving.ravel()), values.ravel()
 
@@ -91,7 +91,7 @@ class RadialSets:
         moving = np.stack([~self._at_knot(0), ~self._at_knot(1) | (self._knot(1) != 0.0)], axis=1)
         return np.flatnonzero((self.system.active & (spread(1.0 * moving, self.r.shape[1]) > 0.0)).ravel())
 
-    def held(self) -> Array:
+    def at_knots(self) -> Array:
         """A local displacement (m, d) with the components that do not move in place."""
         r = np.zeros(self.r.shape)
         r[:, 0] = np.where(self._at_knot(0), self._knot(0), 0.0)
@@ -167,7 +167,7 @@ class ExactInner(InnerSolver):
 
     def solve(self, problem: FixedSets, start: Array, budget: Budget) -> tuple[Array, int]:
         system = problem.system
-        free, r = problem.held()
+        free, r = problem.at_knots()
         r[free] = start[free]
         weights = np.repeat(system.weights, system.shape[1])
         for used in range(1, self.max_steps + 1):
@@ -198,7 +198,7 @@ class ExactInner(InnerSolver):
         matrix = matrix.reshape(m * d, m * d)
         rhs = (c - np.einsum("mij,mj->mi", L, (compliance * system.load).reshape(m, d))).ravel()
         budget.check()
-        free, r = problem.free(), problem.held().ravel()
+        free, r = problem.free(), problem.at_knots().ravel()
         r[free] = _solve(matrix[np.ix_(free, free)], (rhs - matrix @ r)[free])
         return r, 1
 
@@ -218,7 +218,7 @@ class NewtonKrylov(InnerSolver):
 
     def solve(self, problem: FixedSets, start: Array, budget: Budget) -> tuple[Array, int]:
         system = problem.system
-        free, r = problem.held()
+        free, r = problem.at_knots()
         if free.size == 0:
             return r, 0
         weights = np.repeat(system.weights, system.shape[1])
@@ -242,7 +242,7 @@ class NewtonKrylov(InnerSolver):
 
     def solve_radial(self, problem: RadialSets, budget: Budget) -> tuple[Array, int]:
         system = problem.system
-        free, r = problem.free(), problem.held().ravel()
+        free, r = problem.free(), problem.at_knots().ravel()
         if free.size == 0:
             return r, 0
         length = system.length_scale
@@ -410,11 +410,11 @@ def _move(system: CondensedProblem, laws: tuple[Superpotential, ...], sets: IntA
         p = (r[:, c] / tau + lam[:, c])[:, None]
         rounding = 1e-13 * (np.abs(r[:, c]) / tau + np.abs(lam[:, c]))[:, None]
         state = sets[:, c][:, None]
-        place = np.arange(law.knots.shape[-1])[None, :] * 2 + 1
+        knot = np.arange(law.knots.shape[-1])[None, :] * 2 + 1  # its state
         # A component on the boundary of its set stays: thresholds give way by rounding on its own side.
         below, above = knot_forces(law, 1.0 / tau)
-        passed_below = np.where(state >= place, p > below - rounding, p > below + rounding)
-        passed_above = np.where(state > place, p > above - rounding, p > above + rounding)
+        passed_below = np.where(state >= knot, p > below - rounding, p > below + rounding)
+        passed_above = np.where(state > knot, p > above - rounding, p > above + rounding)
         target = passed_below.sum(axis=1) + passed_above.sum(axis=1)
         if system.shape[1] > 2 and c == 1:  # a size is never negative
             target = np.maximum(target, _rest(law, len(r)))

@@ -133,8 +133,8 @@ class AugmentedLagrangian(Solver):
             from scipy.optimize import root
 
         options = {"xtol": self.tolerance} if self.root_finder is not RootFinder.KRYLOV else {"fatol": self.tolerance}
-        found = root(gradient, x0, method=self.root_finder.value, options=options)
-        r, lam = split(np.asarray(found.x))
+        zero = root(gradient, x0, method=self.root_finder.value, options=options)
+        r, lam = split(np.asarray(zero.x))
         off = system.residual(r, lam)
         penalty = max(self.smallest, self.decrease * penalty)
         evaluations = state.evaluations + count

@@ -23,9 +23,6 @@ from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["CuttingPlanes", "ProximalBundle"]
 
-#: Residual, relative to the load, of the minimiser of a model.
-_EXACT = 1e-13
-
 
 @dataclass(frozen=True)
 class ProximalBundle(Solver):
@@ -323,9 +320,9 @@ def _minimise_model(
         idle = idle + 1 if state.energy == before else 0
         if idle == 2 or model.residual(state.r, state.lam).below(0.0, 1e-15):
             break
-    if weight == 0.0:  # energies tell points apart up to the root of rounding; from there on slopes do
-        controls = Controls(atol=0.0, rtol=_EXACT)
-        found = active_set_newton(model, state.r, state.lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
-        if found is not None:
-            return found.local, state.evaluations + found.evaluations
+    if weight == 0.0:  # energies tell points apart up to the root of rounding; from there on slopes do, up to rounding
+        controls = Controls(atol=0.0, rtol=1e-13)
+        exact = active_set_newton(model, state.r, state.lam, controls, NewtonCache(), rounds=FEW_ROUNDS)
+        if exact is not None:
+            return exact.local, state.evaluations + exact.evaluations
     return state.r, state.evaluations

@@ -101,12 +101,12 @@ def run_survey(
     options = SurveyOptions(max_n, method_time_limit, bounds)
     report = SurveyReport(make_folder(out), options)
 
-    def told(event: Event) -> None:
+    def on_event(event: Event) -> None:
         if isinstance(event, Phase) and progress is not None:
             progress(event)
         report(event)
 
-    report.runs = result_of(survey(options), told)
+    report.runs = result_of(survey(options), on_event)
     report.page()
     return report
 

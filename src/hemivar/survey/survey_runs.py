@@ -56,7 +56,7 @@ SURVEY_METHODS: Mapping[str, str] = MappingProxyType(
 _SHORT = dict(zip(SURVEY_METHODS, ("Direct", "AL", "PD"), strict=True))
 #: The method that the others are compared with.
 DEFAULT = "newton"
-#: Figures 1 to 4, with the method that the survey's caption names, are on a mesh of so many cells along a side.
+#: The method that the survey's caption of each figure names.
 CAPTIONS = MappingProxyType(
     {
         "figure1": "augmented Lagrangian",
@@ -65,6 +65,7 @@ CAPTIONS = MappingProxyType(
         "figure4": "direct optimization",
     }
 )
+#: Cells along a side in the survey's captions of Figures 1 to 4.
 FIGURE_CELLS = 32
 #: Largest friction in Figure 3 on meshes of so many cells, known from independent computations.
 EXPECTED_FRICTION = MappingProxyType({32: 0.4986, 64: 0.4988, 128: 0.4990})
@@ -260,23 +261,23 @@ def _on_mesh(
     solutions: dict[str, Solution] = {}
     for name in names:
         if METHODS[name].refuse(problem) is None:
-            found = yield from from_coarser(problem, coarser.get(name), METHODS[name], controls, workspace)
-            check_interrupt(found.status)
-            solutions[name] = found
+            solution = yield from from_coarser(problem, coarser.get(name), METHODS[name], controls, workspace)
+            check_interrupt(solution.status)
+            solutions[name] = solution
     return MeshRuns(n, problem, solutions)
 
 
 def _friction(solution: Solution, max_n: int, controls: Controls) -> Work[dict[int, float]]:
     """max |sigma_tau| in Figure 3 on its mesh and finer ones."""
-    found: dict[int, float] = {}
+    largest: dict[int, float] = {}
     for n in EXPECTED_FRICTION:
         if n > max_n and n > FIGURE_CELLS:
             break
         if n > FIGURE_CELLS:
             level = yield from _on_mesh("figure3", n, [DEFAULT], {DEFAULT: solution}, controls)
             solution = level.solutions[DEFAULT]
-        found[n] = float(np.abs(solution.friction).max())
-    return found
+        largest[n] = float(np.abs(solution.friction).max())
+    return largest
 
 
 def _bounded(runs: SurveyRuns, level: MeshRuns, constants: TraceBounds) -> SurveyRuns:
@@ -288,9 +289,9 @@ def _bounded(runs: SurveyRuns, level: MeshRuns, constants: TraceBounds) -> Surve
     least = float(np.linalg.eigvalsh(stiffness * np.outer(scale, scale)).min())
     bounds, reasons = dict(runs.bounds), list(runs.not_guaranteed)
     for name, short in _SHORT.items():
-        found = exact_distance(problem, level.solutions[SURVEY_METHODS[name]].displacement, constants)
-        bounds[short] = (*bounds.get(short, ()), found.distance / math.sqrt(least))
-        reasons += [f"{short}, h = 1/{level.n}: {reason}" for reason in found.reasons]
+        bound = exact_distance(problem, level.solutions[SURVEY_METHODS[name]].displacement, constants)
+        bounds[short] = (*bounds.get(short, ()), bound.distance / math.sqrt(least))
+        reasons += [f"{short}, h = 1/{level.n}: {reason}" for reason in bound.reasons]
     return replace(runs, bounds=bounds, not_guaranteed=tuple(reasons))
 
 
