@@ -99,9 +99,9 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
     else:
         assert isinstance(memory.equation, KrylovNewton)
         assert isinstance(memory.equation.matrix, Multigrid)
-        place = memory.equation.matrix.built_at
-        factor, energy, built = memory.factor, float(state.energy or 0.0), place is not None
-        arrays = [state.r, memory.force, *([] if place is None else [place])]
+        linearised_at = memory.equation.matrix.built_at
+        factor, energy, built = memory.factor, float(state.energy or 0.0), linearised_at is not None
+        arrays = [state.r, memory.force, *([] if linearised_at is None else [linearised_at])]
     naturals = []
     for array in arrays:
         vector, natural = body.vector(array), _natural(body)
@@ -143,9 +143,9 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
             stream = stack.enter_context(_opened(path))
             return stream, _head(path, stream, body, marks, dependent)
 
-        found = ranks.agree(head)
-        stream = None if found is None else found[0]
-        kept: _Head = ranks.mpi.bcast(None if found is None else found[1])
+        opened = ranks.agree(head)
+        stream = None if opened is None else opened[0]
+        kept: _Head = ranks.mpi.bcast(None if opened is None else opened[1])
         naturals: list[PETSc.Vec] = []
         arrays: list[Array] = []
         for _ in kept.sums:
@@ -174,13 +174,13 @@ def _state(body: BodyOnRanks, head: _Head, arrays: list[Array]) -> State:
     if body.stored is not None:
         force = body.out_of_balance(x)
         lam = body.multiplier(x, force)
-        found = body.residual(x, lam, force)
-        return State(x, lam, energy=head.energy, residual=found, memory=ProximalMemory(force, head.stiffening))
+        residual = body.residual(x, lam, force)
+        return State(x, lam, energy=head.energy, residual=residual, memory=ProximalMemory(force, head.stiffening))
     matrix = Multigrid(body, arrays[2] if head.built else None)
     memory = NewtonMemory(head.stiffening, arrays[1], KrylovNewton(body, matrix))
     lam = body.multiplier(x, memory.force)
-    found = body.residual(x, lam, memory.force)
-    return State(x, lam, energy=head.energy, residual=found, memory=memory)
+    residual = body.residual(x, lam, memory.force)
+    return State(x, lam, energy=head.energy, residual=residual, memory=memory)
 
 
 def _sums(ranks: Ranks, naturals: list[PETSc.Vec]) -> list[str]:

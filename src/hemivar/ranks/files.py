@@ -103,8 +103,8 @@ def read_rows(ranks: Ranks, stream: IO[bytes] | None, count: int) -> Array:
             data = b"" if stream is None else stream.read(8 * size)
         except OSError:
             data = b""
-        found = np.frombuffer(data[: len(data) // 8 * 8], dtype="<f8")
-        out[: len(found)] = found
+        part = np.frombuffer(data[: len(data) // 8 * 8], dtype="<f8")
+        out[: len(part)] = part
         return out
 
     mine = numbers(count)

@@ -45,12 +45,12 @@ class CheckpointOnRanks(Checkpoint):
         """The march in the file, None if there is no file; all ranks call this."""
         ranks = self.ranks
         with ExitStack() as stack:
-            found = ranks.agree(lambda: self._opened(stack) if ranks.rank == 0 else None)
-            sizes = ranks.mpi.bcast(None if found is None else found[1])
+            opened = ranks.agree(lambda: self._opened(stack) if ranks.rank == 0 else None)
+            sizes = ranks.mpi.bcast(None if opened is None else opened[1])
             if sizes is None:
                 return None
             size = sizes[ranks.rank]
-            numbers = read_rows(ranks, None if found is None else found[0], -(-size // 8))
+            numbers = read_rows(ranks, None if opened is None else opened[0], -(-size // 8))
         return ranks.agree(lambda: self.unpack(numbers.astype("<f8").tobytes()[:size], identity))
 
     def _opened(self, stack: ExitStack) -> tuple[IO[bytes], list[int]] | None:

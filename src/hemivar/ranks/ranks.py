@@ -97,7 +97,7 @@ class Ranks:
 
     def named(self, names: Iterable[str]) -> tuple[str, ...]:
         """The names that any rank knows, in alphabetical order."""
-        return tuple(sorted({name for told in self.mpi.allgather(tuple(names)) for name in told}))
+        return tuple(sorted({name for known in self.mpi.allgather(tuple(names)) for name in known}))
 
     def before(self, count: int) -> int:
         """How many of something the ranks before this one have."""

@@ -40,7 +40,7 @@ class StoredOnRanks:
         """Internal forces (n,), shifted; zero where supports hold."""
         nodes = self.nodes
         forces = nodes.summed(nodes.along(self._asked(lambda own: own.forces(field), np.zeros(field.shape))))
-        return np.where(nodes.held, 0.0, forces) - self.initial_forces
+        return np.where(nodes.fixed, 0.0, forces) - self.initial_forces
 
     def tangent(self, field: Array) -> EdgeBlocks | None:
         """The stiffness of this rank's cells; None where there are none."""
