@@ -17,13 +17,13 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
-__all__ = ["SAME", "norm", "real_array", "real_matrix", "unmasked"]
+__all__ = ["PLAIN_SQUARES", "SAME", "norm", "real_array", "real_matrix", "unmasked"]
 
 #: Part of the largest of their kind by which two numbers (coordinates, loads, prescribed values) may differ and be the
 #: same: far above rounding (1e-16), far below what anybody means.
 SAME = 1e-9
 #: Squares of norms between which no square of an entry that counts over- or underflows.
-_TINY, _HUGE = 1e-240, 1e240
+PLAIN_SQUARES = 1e-240, 1e240
 #: What NumPy's kinds of entries that are no numbers are called.
 _KINDS = {"S": "text", "U": "text", "b": "truth values"}
 
@@ -142,7 +142,7 @@ def norm(vector: ArrayLike) -> float:
     """
     x = np.asarray(vector, dtype=float).ravel()
     square = float(np.vdot(x, x))  # which warns of no overflow
-    if _TINY < square < _HUGE:
+    if PLAIN_SQUARES[0] < square < PLAIN_SQUARES[1]:
         return math.sqrt(square)
     largest = float(np.abs(x).max(initial=0.0))
     if largest == 0.0 or not np.isfinite(largest):

@@ -21,7 +21,7 @@ from hemivar.basics.disk import regular_file, shown
 from hemivar.basics.types import Array, IntArray, Record
 from hemivar.errors import ProblemError
 from hemivar.ranks.body_on_ranks import BodyOnRanks
-from hemivar.ranks.files import one_writer, read_rows, write_rows
+from hemivar.ranks.files import LONGEST_LINE, one_writer, read_rows, write_rows
 from hemivar.ranks.preconditioner import Multigrid
 from hemivar.ranks.ranks import Ranks, shared
 from hemivar.ranks.solve import Saved, depends_on_ranks
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["read_checkpoint", "write_checkpoint"]
 
+#: Version of what stands in a checkpoint; others are refused.
 _FORMAT = 4
-_LONGEST_LINE = 1 << 26
 _LEAST = 1e-300  # of a residual
 _LENGTHS = 10.0 ** np.arange(-6, 1)  # of displacements at which laws are compared, in terms of the size of the body
 
@@ -231,7 +231,7 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
     """The first line of a checkpoint, if that is whole and of this problem."""
     name = shown(path)
     try:
-        record: Record = json.loads(stream.readline(_LONGEST_LINE))
+        record: Record = json.loads(stream.readline(LONGEST_LINE))
         if record["format"] != _FORMAT:
             raise ProblemError(f"checkpoint '{name}' is of another version; solve from the beginning")
         head = decoded(_Head, record["head"], [])

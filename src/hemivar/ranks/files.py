@@ -15,9 +15,13 @@ from hemivar.basics.types import Array
 from hemivar.errors import FileError
 from hemivar.ranks.ranks import Ranks
 
-__all__ = ["RankZeroFile", "one_writer", "read_rows", "write_rows"]
+__all__ = ["LONGEST_LINE", "RankZeroFile", "one_writer", "read_rows", "write_rows"]
 
+#: Bytes of the first line of a checkpoint that are read: what is no checkpoint may have no end of a line.
+LONGEST_LINE = 1 << 26
+#: Numbers that travel at a time, 8 MiB of them.
 _ROWS = 1 << 20
+#: By which messages of files are known; any number that no other message has.
 _TAG = 77
 
 

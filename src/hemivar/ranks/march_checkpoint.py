@@ -15,13 +15,12 @@ from hemivar.basics.types import Record
 from hemivar.errors import FileError
 from hemivar.evolution import Checkpoint
 from hemivar.evolution.march_state import MarchState
-from hemivar.ranks.files import one_writer, read_rows, write_rows
+from hemivar.ranks.files import LONGEST_LINE, one_writer, read_rows, write_rows
 from hemivar.ranks.ranks import Ranks
 
 __all__ = ["CheckpointOnRanks"]
 
 _KIND, _FORMAT = "hemivar march over ranks", 1
-_LONGEST_LINE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class CheckpointOnRanks(Checkpoint):
         name = shown(self.file)
         try:
             stream = stack.enter_context(self.file.open("rb"))
-            head: Record = json.loads(stream.readline(_LONGEST_LINE))
+            head: Record = json.loads(stream.readline(LONGEST_LINE))
             kind, version, count, sizes = (head[key] for key in ("kind", "format", "ranks", "bytes"))
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise FileError(f"{name}: this is not a checkpoint of a run over ranks ({error}); name another") from None

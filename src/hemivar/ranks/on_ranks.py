@@ -38,6 +38,7 @@ from hemivar.solvers import Solution
 
 __all__ = ["SeriesOnRanks", "pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
 
+#: Nodes that the first rank has at a time: 4 MiB of numbers.
 _NODES_AT_A_TIME = 1 << 17
 
 

@@ -15,7 +15,6 @@ from hemivar.ranks.nodes import NodesOnRanks
 
 __all__ = ["StoredOnRanks"]
 
-_STRAINS = (1e-4, 1e-3, 1e-2, 1e-1)
 T = TypeVar("T")
 
 
@@ -59,7 +58,8 @@ class StoredOnRanks:
         """Numbers of this rank by whose sums an energy is known again: those of bodies strained as a whole."""
         points = self.nodes.piece.mesh.points
         sheared = np.roll(points, 1, axis=1)
-        fields = [strain * field for strain in _STRAINS for field in (points, -points, sheared, points + sheared)]
+        strains = (1e-4, 1e-3, 1e-2, 1e-1)  # from nearly linear to large
+        fields = [strain * field for strain in strains for field in (points, -points, sheared, points + sheared)]
         return self._asked(lambda own: [own.value(field) for field in fields], [0.0] * len(fields))
 
     def _asked(self, ask: Callable[[BeddedEnergy], T], without_cells: T) -> T:
