@@ -1,4 +1,4 @@
-"""How much memory there is, and how much a mesh and a discrete problem will take: told before they are made."""
+"""How much memory there is, and how much a mesh and a discrete problem will take, estimated before they are made."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What relaxes towards a limit: integrals of its square, exact however short the time is."""
+"""Exponential relaxation towards a limit: integrals of its square, exact however short the time is."""
 
 from __future__ import annotations
 

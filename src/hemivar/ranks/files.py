@@ -1,4 +1,4 @@
-"""Files that rank 0 writes and reads while all ranks send and receive; what goes wrong there is told to all."""
+"""Gather and scatter: files that rank 0 writes and reads while all ranks send and receive, and share its errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Matrices of a body over ranks as PETSc has them, and the motions that deform nothing."""
+"""Assembled matrices of a body over ranks, in PETSc, and the near-nullspace (motions that deform nothing)."""
 
 from __future__ import annotations
 

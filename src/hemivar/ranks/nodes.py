@@ -1,4 +1,4 @@
-"""The nodes of a mesh over ranks as unknowns: what all vectors and matrices on the mesh share."""
+"""Degrees of freedom over ranks, at the nodes of a mesh: what all vectors and matrices on the mesh share."""
 
 from __future__ import annotations
 

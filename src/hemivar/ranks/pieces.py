@@ -1,4 +1,4 @@
-"""Pieces of a mesh: each rank holds the cells of its part, refines them itself, and knows which nodes it shares.
+"""Domain decomposition: each rank holds a piece of the mesh, refines it itself, and knows which nodes it shares.
 
 Every node has a number on which all ranks agree, that of the serial mesh.  Only the unrefined mesh is ever in one
 place.

@@ -1,4 +1,4 @@
-"""The preconditioner: PETSc's multigrid on the refined meshes, algebraic below the coarsest of them."""
+"""The preconditioner: PETSc's geometric multigrid on the refined meshes, algebraic below the coarsest of them."""
 
 from __future__ import annotations
 

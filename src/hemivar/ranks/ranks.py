@@ -1,4 +1,4 @@
-"""The ranks of a run: counted exchanges and reductions, and errors that all ranks share."""
+"""The ranks of a run (MPI communicator): counted exchanges and reductions, and errors that all ranks share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A step over ranks: the serial one, its stages solved and its margins found by all ranks together."""
+"""A time step over ranks: the serial one, its stages solved and its margins found by all ranks together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The march through time over ranks: the serial one, with steps that are solved over ranks."""
+"""Time integration over ranks: the serial one, with steps that are solved over ranks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solving over ranks, and what comes out of it."""
+"""The iteration over ranks, by the serial solver, and its solution with residual and status."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stored energy of a body over ranks that is not linear, by the cells of each rank."""
+"""The stored energy (hyperelastic potential) of a body over ranks that is not linear, by the cells of each rank."""
 
 from __future__ import annotations
 

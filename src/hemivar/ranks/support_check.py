@@ -1,4 +1,4 @@
-"""Whether the supports and the foundation hold a body that lies over ranks."""
+"""Coercivity over ranks: whether the supports and the foundation hold a body that lies over ranks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures along the contact boundary: curves in the plane, flat maps of the boundaries of bodies in space."""
+"""Tractions, gaps and slips along the contact boundary: curves in the plane, flat maps of boundaries in space."""
 
 from __future__ import annotations
 

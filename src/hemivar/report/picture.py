@@ -295,10 +295,10 @@ def paper(
     if not _FONTS[0] <= font <= _FONTS[1]:
         raise ProblemError(f"font = {font:g}; give a size from {_FONTS[0]:g} to {_FONTS[1]:g} points")
     try:
-        place = Legend(legend)
+        legends = Legend(legend)
     except ValueError as error:
         raise ProblemError(f"legend = {quoted(legend)}; choose 'outside', 'inside' or 'none'") from error
-    token = _CURRENT.set(Print(inches, font, place, annotations))
+    token = _CURRENT.set(Print(inches, font, legends, annotations))
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""One problem for many values of its parameters: how many solutions there are, and the margin."""
+"""A parameter sweep: one problem for many values of its parameters: how many solutions there are, and the margin."""
 
 from __future__ import annotations
 
