@@ -176,3 +176,21 @@ def test_midpoints_of_open_boundaries_pass(cells: int) -> None:
     mesh = rectangle((1.0, 1.0), (cells, 2))
     for supports in ({"top": Clamped()}, {"left": Clamped()}):
         discretize(stated(mesh, supports=supports, quadrature=Quadrature.MIDPOINT))
+
+
+@pytest.mark.parametrize("order", [0, 3, 2.0, True, np.True_, "2", np.nan])
+def test_an_order_is_refused_by_meshes_and_statements_alike(order: Any) -> None:
+    mesh = rectangle((1.0, 1.0), 1)
+    with pytest.raises(ProblemError) as of_mesh:
+        mesh.nodes(order)
+    with pytest.raises(ProblemError) as of_statement:
+        stated(mesh, order=order)
+    assert str(of_mesh.value) == str(of_statement.value)
+    assert str(of_mesh.value).endswith("give 1 or 2")
+
+
+def test_orders_of_any_type_of_whole_numbers() -> None:
+    mesh = rectangle((1.0, 1.0), 1)
+    assert all(
+        len(mesh.nodes(kind(2))) == stated(mesh, order=kind(2)).mesh.nodes(2).shape[0] for kind in (int, np.int32)
+    )

@@ -68,7 +68,7 @@ def test_many_facets_are_drawn_without_lines_between_them(
     from matplotlib.colors import to_hex
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    monkeypatch.setattr("hemivar.report.drawn_body.MANY_FACETS", 10)
+    monkeypatch.setattr("hemivar.report.drawn_body.MANY_CELLS", 10)
     figure = plot_solution(cube)
     save(figure, tmp_path / "cube.png", dpi=40)
     (surface,) = figure.findobj(Poly3DCollection)

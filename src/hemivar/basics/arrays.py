@@ -23,6 +23,7 @@ __all__ = [
     "DIGITS",
     "LARGEST",
     "NULL",
+    "PLAIN_SQUARES",
     "ROUNDED",
     "SAME",
     "SOLVED",
@@ -53,7 +54,7 @@ LARGEST = 1e100
 #: Numbers that are worked on at a time: 2 MiB, about what a core caches.
 CACHED = 1 << 18
 #: Squares of norms between which no square of an entry that counts over- or underflows.
-_TINY, _HUGE = 1e-240, 1e240
+PLAIN_SQUARES = 1e-240, 1e240
 #: What NumPy's kinds of entries that are no numbers are called.
 _KINDS = {"S": "text", "U": "text", "b": "truth values"}
 
@@ -172,7 +173,7 @@ def norm(vector: ArrayLike) -> float:
     """
     x = np.asarray(vector, dtype=float).ravel()
     square = float(np.vdot(x, x))  # which warns of no overflow
-    if _TINY < square < _HUGE:
+    if PLAIN_SQUARES[0] < square < PLAIN_SQUARES[1]:
         return math.sqrt(square)
     largest = float(np.abs(x).max(initial=0.0))
     if largest == 0.0 or not np.isfinite(largest):

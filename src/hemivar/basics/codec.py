@@ -1,4 +1,4 @@
-"""Frozen dataclasses as JSON and arrays, and back again: every bit of them, by their annotations.
+"""Serialisation: frozen dataclasses as JSON and arrays, and back again: every bit of them, by their annotations.
 
 A new field, or a new class inside of one, needs no format of its own.
 """

@@ -1,4 +1,4 @@
-"""What a value is made of, as bytes that are the same in every process: for digests."""
+"""Content hashing: what a value is made of, as bytes that are the same in every process."""
 
 from __future__ import annotations
 

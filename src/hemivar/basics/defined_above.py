@@ -1,4 +1,4 @@
-"""What the method leaves to packages that use it, ``solution.plot()`` for instance: loaded when it is called.
+"""Late binding: what the method leaves to packages that use it, as ``solution.plot()``, is loaded when it is called.
 
 Which entry leads where stands in one table of the package root, so that no package imports one above it.
 """

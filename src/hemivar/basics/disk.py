@@ -43,6 +43,7 @@ __all__ = [
 
 #: Bytes of a text file (problem, law table, result) that are read unless the caller says otherwise.
 MOST_BYTES = 256 * 2**20
+#: Bytes that are read at a time, to see between them whether a file is longer than it may be.
 _PORTION = 16 * 2**20
 #: Seconds for which a temporary file is left alone, though nobody has locked it: its maker is about to.
 _YOUNG = 60.0

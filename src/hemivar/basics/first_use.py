@@ -1,4 +1,4 @@
-"""What several threads may do at once: imports on first use, values computed on demand, and locks that survive a fork.
+"""Thread safety: imports on first use, values computed on demand, and locks that survive a fork.
 
 Python 3.11 locks each module while it is loaded.  Two threads that load the modules of one package from different ends
 wait for each other, and one of them is given a module that is half loaded.  So whoever imports inside a function of

@@ -1,4 +1,4 @@
-"""Work that tells of itself: a generator that yields events and returns a value."""
+"""Work as a generator: it yields events (progress) and returns a value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A few things that were made last, by what they were made of."""
+"""A cache of the few things that were made last, by what they were made of."""
 
 from __future__ import annotations
 

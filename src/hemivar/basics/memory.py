@@ -1,4 +1,4 @@
-"""How much memory there is, and how much a mesh and a discrete problem will take: told before they are made."""
+"""How much memory there is, and how much a mesh and a discrete problem will take, estimated before they are made."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ _DISCRETISE = {(2, 1): 600.0, (3, 1): 850.0, (2, 2): 4200.0, (3, 2): 15000.0}
 _SMALL = 64.0 * 2.0**20
 #: Taken to be free where that is not known.
 _ASSUMED = 16.0 * 2.0**30
+#: Limits of a container from here on are none: version 1 of control groups writes 2^63 less a page.
 _UNLIMITED = 2.0**60
 
 

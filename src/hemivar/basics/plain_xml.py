@@ -11,8 +11,7 @@ from hemivar.errors import ProblemError
 __all__ = ["parse_xml"]
 
 #: Elements of a file, and how deep they lie in one another.
-_MOST_ELEMENTS = 200_000
-_DEEPEST = 32
+_MOST_ELEMENTS, _DEEPEST = 200_000, 32
 
 
 def parse_xml(data: bytes) -> Element:

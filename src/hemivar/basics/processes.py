@@ -1,4 +1,4 @@
-"""Work shared out to processes that begin anew, on every system alike."""
+"""A pool of processes that begin anew (spawned): work shared out, on every system alike."""
 
 from __future__ import annotations
 

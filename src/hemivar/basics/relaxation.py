@@ -1,4 +1,4 @@
-"""What relaxes towards a limit: integrals of its square, exact however short the time is."""
+"""Exponential relaxation towards a limit: integrals of its square, exact however short the time is."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from hemivar.basics.types import Array
 
 __all__ = ["squares_of_relaxation"]
 
-#: Up to here a series is summed, in the place of what would cancel.
-_SHORT = 0.1
-_TERMS = 18
+#: Up to here a series is summed, in the place of what would cancel; what so many terms leave out is below 0.1^18.
+_SHORT, _TERMS = 0.1, 18
 
 
 def squares_of_relaxation(ratio: Array | float) -> tuple[Array, Array, Array]:

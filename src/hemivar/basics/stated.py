@@ -1,4 +1,4 @@
-"""What a field of a statement is in a problem file: told once, beside the field.
+"""Metadata of the fields of a statement: what each is in a problem file, beside the field.
 
     rho: float = field(default=0.8, metadata=stated(Form.NUMBER, "spectral radius", least=0.0, most=1.0))
 

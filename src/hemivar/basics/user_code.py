@@ -100,11 +100,11 @@ def _installed() -> dict[str, dict[str, str]]:
     """The classes that packages name, by the name and the package; looked for when a name is not the library's."""
     from importlib.metadata import entry_points
 
-    found: dict[str, dict[str, str]] = {}
-    for one in entry_points(group=GROUP):
-        package = one.dist.name if one.dist is not None else "?"
-        found.setdefault(one.name, {})[package] = one.value.partition("[")[0].strip()
-    return found
+    classes: dict[str, dict[str, str]] = {}
+    for entry in entry_points(group=GROUP):
+        package = entry.dist.name if entry.dist is not None else "?"
+        classes.setdefault(entry.name, {})[package] = entry.value.partition("[")[0].strip()
+    return classes
 
 
 def _class_of(name: str, file: str) -> type:
@@ -113,15 +113,15 @@ def _class_of(name: str, file: str) -> type:
         raise ProblemError(f"'{name}' names no class; its package must write module:Class")
     module, _, attribute = name.partition(":")
     _NAMED.add(module)
-    found = vars(_module(module, file)).get(attribute)
-    if not issubclass(type(found), type):
+    named = vars(_module(module, file)).get(attribute)
+    if not issubclass(type(named), type):
         raise ProblemError(f"'{name}' is not a class of the module '{module}'; name a class")
-    assert isinstance(found, type)
-    if not of_user(found):
+    assert isinstance(named, type)
+    if not of_user(named):
         raise ProblemError(f"'{name}' is the library's own; give its own name, as 'hemivar laws' lists it")
-    if found.__module__ != module:
-        raise ProblemError(f"'{name}' is only imported there; name it as {found.__module__}:{found.__qualname__}")
-    return found
+    if named.__module__ != module:
+        raise ProblemError(f"'{name}' is only imported there; name it as {named.__module__}:{named.__qualname__}")
+    return named
 
 
 def _module(name: str, file: str) -> ModuleType:

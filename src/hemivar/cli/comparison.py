@@ -29,9 +29,6 @@ __all__ = ["CertifyCommand", "CompareCommand", "SurveyCommand"]
 #: Cells up to which the distance to the exact solution is bounded unless that is refused: half a minute.
 _CELLS = {2: 300_000, 3: 60_000}
 
-#: Relative residual up to which a given vector counts as a solution.
-_RTOL = 1e-8
-
 
 class CertifyCommand(OnProblem):
     """Certify a solution: residuals, uniqueness, guaranteed distances to the discrete and to the exact solution, kind.
@@ -68,7 +65,7 @@ class CertifyCommand(OnProblem):
             from hemivar.files import read_solution
 
             unknowns, multiplier = read_solution(self.solution, discrete)
-        mesh, rtol = session.stated.problem.mesh, _RTOL if self.rtol is None else self.rtol
+        mesh, rtol = session.stated.problem.mesh, CertifyOptions.tolerance if self.rtol is None else self.rtol
         exact = mesh.number_of_cells <= _CELLS[mesh.dim] if self.exact is None else self.exact
         options = CertifyOptions(rtol, controls_of(session.stated, None, self.max_time), session.method, exact)
         certificate = result_of(certify(discrete, unknowns, multiplier, options), view)

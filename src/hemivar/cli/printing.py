@@ -45,9 +45,6 @@ __all__ = [
     "unread",
 ]
 
-#: Parts that tell how long the others take, and seconds from which on minutes are told.
-_SOME, _LONG = 4, 100.0
-
 
 def console() -> Console:
     """A console without colours unless it is a terminal."""
@@ -178,11 +175,11 @@ class StageView(Bar):
             raise KeyboardInterrupt
 
     def _left(self, done: int, count: int) -> str:
-        """About how long it takes yet, once some parts of the whole are done."""
-        if not _SOME <= done < count:
+        """About how long it takes yet, once some parts of the whole are done; from a hundred seconds on in minutes."""
+        if not 4 <= done < count:
             return ""
         seconds = (time.monotonic() - self._began) / done * (count - done)
-        return f"about {seconds:.0f} s left" if seconds < _LONG else f"about {seconds / 60.0:.0f} min left"
+        return f"about {seconds:.0f} s left" if seconds < 100.0 else f"about {seconds / 60.0:.0f} min left"
 
 
 def print_table(console: Console, table: Table, keys: int = 1) -> None:

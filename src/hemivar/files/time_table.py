@@ -195,7 +195,7 @@ def _scheme_record(scheme: Scheme) -> object:
 
 def output_record(march: March, files: OutputSettings) -> dict[str, object]:
     """The table [output]."""
-    record = encode(march.save, probes=lambda points: {name: list(place) for name, place in points.items()})
+    record = encode(march.save, probes=lambda points: {name: list(point) for name, point in points.items()})
     record |= encode(files)
     if isinstance(march.checkpoint, Checkpoint):
         kept = encode(march.checkpoint)

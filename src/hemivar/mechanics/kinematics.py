@@ -69,4 +69,4 @@ class BodyKinematics:
 
     def on_axis(self, nodes: Array) -> BoolArray:
         """Which nodes (k, d) lie on the axis of a body of revolution, shape (k,)."""
-        return np.asarray(nodes[:, 0] <= SAME * nodes[:, 0].max()) & self.ring
+        return np.asarray(nodes[:, 0] <= SAME * nodes[:, 0].max(initial=0.0)) & self.ring

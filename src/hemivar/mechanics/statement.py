@@ -44,6 +44,7 @@ from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
 from hemivar.mesh.boundary_rule import boundary_rule
+from hemivar.mesh.checks import check_order
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -345,8 +346,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
         if self.order is None:
             object.__setattr__(self, "order", self.mesh.suggested_order)
-        if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
-            raise ProblemError(f"order = {quoted(self.order)}; give 1 or 2")
+        check_order(self.order)
         if not isinstance(self.material, Material) or type(self.material) is Material:
             raise ProblemError(
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"

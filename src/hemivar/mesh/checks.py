@@ -347,5 +347,5 @@ def _some(mask: BoolArray, limit: int = 5) -> str:
 
 def check_order(order: object) -> None:
     """Refuse an order of the nodes that is neither 1 nor 2."""
-    if not is_whole(order, 1) or order not in (1, 2):  # type: ignore[arg-type]
+    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
         raise ProblemError(f"order = {quoted(order)}; give 1 or 2")

@@ -32,7 +32,7 @@ from hemivar.ranks.preconditioner import Multigrid
 from hemivar.ranks.ranks import Ranks, shared
 from hemivar.ranks.stiffness import Stiffness
 from hemivar.ranks.stored_on_ranks import StoredOnRanks
-from hemivar.ranks.support_check import admissible_motions, check_held, check_parts, supported
+from hemivar.ranks.support_check import admissible_motions, check_parts, check_supported, supported
 
 __all__ = ["assemble", "assemble_family"]
 
@@ -99,20 +99,20 @@ def assemble(
     own = _present(stated, piece.mesh)
 
     prescribed = nodal.supports.value[:count]
-    blocks, found = ranks.agree(lambda: _elements(own, prescribed))
+    blocks, forces = ranks.agree(lambda: _elements(own, prescribed))
     below = None if coarser is None else coarser.nodes
     nodes = NodesOnRanks.of(ranks, piece, nodal.directions[:count], nodal.free[:count], below)
-    constant += found.energy - float(prescribed.ravel() @ found.load)
+    constant += forces.energy - float(prescribed.ravel() @ forces.load)
     unknowns, points, constant, stored = ranks.total(
-        np.count_nonzero(~nodes.held), len(contact.weights), constant, found.energy
+        np.count_nonzero(~nodes.fixed), len(contact.weights), constant, forces.energy
     )  # fmt: skip
     if unknowns == 0:
         raise shared(SupportError("the supports leave the body no freedom; refine the mesh or remove supports"))
     with np.errstate(all="ignore"):  # what is not finite is refused below
         K = assembled(nodes, blocks)
         typical = hold(K, nodes)
-        reaction = _reduced(nodes, found.reaction)
-        force = _reduced(nodes, found.load) - reaction
+        reaction = _reduced(nodes, forces.reaction)
+        force = _reduced(nodes, forces.load) - reaction
         sums = row_sums(K, nodes)
     finite = float(np.isfinite(force).all() and np.isfinite(sums).all() and 0.0 < typical < np.inf)
     if ranks.largest(1.0 - finite)[0]:
@@ -155,12 +155,12 @@ def assemble(
         warnings=_warnings(ranks, own, contact, piece),
         cycle=Multigrid,
         coarser=coarser,
-        stored=None if stated.material.linear else StoredOnRanks(nodes, found.stored, float(stored), reaction),
+        stored=None if stated.material.linear else StoredOnRanks(nodes, forces.stored, float(stored), reaction),
     )
     if check_coercivity:
         apart = piece.parts > 1
-        told = check_parts(ranks, piece, state, evolving) if apart else check_held(body, admissible, moves)
-        body = replace(body, warnings=(*body.warnings, *told))
+        warnings = check_parts(ranks, piece, state, evolving) if apart else check_supported(body, admissible, moves)
+        body = replace(body, warnings=(*body.warnings, *warnings))
     _ = body.load_scale  # found by all ranks together, so that each may look at it alone
     return body
 
@@ -192,13 +192,13 @@ def _elements(own: ContactProblem, prescribed: Array) -> tuple[EdgeBlocks | None
 
 def _reduced(nodes: NodesOnRanks, forces: Array) -> Array:
     """Vector (n,) of forces (N d,) that the ranks have on the nodes of their pieces; zero where supports hold."""
-    return np.where(nodes.held, 0.0, nodes.summed(nodes.along(forces.reshape(nodes.free.shape))))
+    return np.where(nodes.fixed, 0.0, nodes.summed(nodes.along(forces.reshape(nodes.free.shape))))
 
 
 def _named(contact: ContactPoints, names: tuple[str, ...]) -> ContactPoints:
     """The contact points with the names of all boundaries in place of those that this rank sees."""
-    place = np.array([names.index(name) for name in contact.names], dtype=np.int64)
-    return replace(contact, names=names, boundary=place[contact.boundary])
+    number = np.array([names.index(name) for name in contact.names], dtype=np.int64)
+    return replace(contact, names=names, boundary=number[contact.boundary])
 
 
 def _check_suited(problem: ContactProblem) -> None:
@@ -268,18 +268,18 @@ def _with_facets_around(ranks: Ranks, piece: Piece) -> Mesh:
         )
         destinations.append(pairs[:, 1])
     width = 1 + dim + dim * dim
-    told, _, _ = ranks.exchange(
+    received, _, _ = ranks.exchange(
         np.concatenate([*destinations, np.zeros(0, dtype=np.int64)]), np.concatenate([*rows, np.zeros((0, width))])
     )
-    ids = told[:, 1 : 1 + dim].astype(np.int64)
+    ids = received[:, 1 : 1 + dim].astype(np.int64)
     fresh, first = np.unique(ids.ravel(), return_index=True)
     new = ~np.isin(fresh, piece.numbers)
     numbers = np.concatenate([piece.numbers, fresh[new]])
-    points = np.concatenate([mesh.points, told[:, 1 + dim :].reshape(-1, dim)[first[new]]])
+    points = np.concatenate([mesh.points, received[:, 1 + dim :].reshape(-1, dim)[first[new]]])
     order = np.argsort(numbers)
     boundaries = {}
     for number, name in enumerate(names):
-        others = order[np.searchsorted(numbers, ids[told[:, 0] == number], sorter=order)]
+        others = order[np.searchsorted(numbers, ids[received[:, 0] == number], sorter=order)]
         facets = np.concatenate([mesh.boundaries[name], others.reshape(-1, dim)]).astype(np.int64)
         if len(facets):
             key = np.sort(numbers[facets], axis=1)
@@ -320,7 +320,7 @@ def _warnings(ranks: Ranks, own: ContactProblem, contact: ContactPoints, piece: 
         mine = largest_poisson_ratio(own), locking_warning(own) or ""
     text = max(ranks.mpi.allgather(mine))[1]
     assert contact.points is not None
-    told = np.column_stack([contact.boundary, piece.numbers[contact.node], contact.points])[contact.without_friction]
-    told = np.concatenate(ranks.mpi.allgather(told))
-    left_out = friction_warning(told[np.lexsort((told[:, 1], told[:, 0])), 2:])
+    points = np.column_stack([contact.boundary, piece.numbers[contact.node], contact.points])[contact.without_friction]
+    points = np.concatenate(ranks.mpi.allgather(points))
+    left_out = friction_warning(points[np.lexsort((points[:, 1], points[:, 0])), 2:])
     return tuple(sentence for sentence in (text, left_out) if sentence)

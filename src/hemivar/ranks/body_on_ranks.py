@@ -115,11 +115,6 @@ class BodyOnRanks(Body):
         return self.nodes.owned
 
     @property
-    def held(self) -> BoolArray:
-        """Entries of a vector that supports hold."""
-        return self.nodes.held
-
-    @property
     def points(self) -> int:
         """Contact points m of this rank."""
         return len(self.weights)
@@ -152,10 +147,10 @@ class BodyOnRanks(Body):
 
     def under(self, load: Array, offset: Array, law: VectorLaw) -> Self:
         """The body under a load (n,), with offsets (m, d) and a law of its contact points; all ranks call this."""
-        load = np.where(self.held, 0.0, load)
-        found = replace(self, load=load, offset=offset, law=law, below=None, constant=0.0)
-        _ = found.load_scale, found.lambda_max  # found by all ranks together, so that each may look at it alone
-        return found
+        load = np.where(self.nodes.fixed, 0.0, load)
+        body = replace(self, load=load, offset=offset, law=law, below=None, constant=0.0)
+        _ = body.load_scale, body.lambda_max  # found by all ranks together, so that each may look at it alone
+        return body
 
     def stiffened(self, matrix: PETSc.Mat, supported: bool, cycle: Callable[[BodyOnRanks], Truncation]) -> Self:
         """The body with another stiffness, held where it is; all ranks call this."""
@@ -203,18 +198,18 @@ class BodyOnRanks(Body):
     def tangent_at(self, x: Array, force: Array) -> Self:
         """See :class:`hemivar.systems.nonlinear_body.NonlinearSystem`; all ranks call this."""
         assert self.stored is not None
-        return self._in_its_place(self.stored.tangent(self.displacement(x)), x, force)
+        return self._linear_at(self.stored.tangent(self.displacement(x)), x, force)
 
     def above_at(self, x: Array, force: Array) -> Self:
         """See :class:`hemivar.systems.nonlinear_body.NonlinearSystem`; all ranks call this."""
         assert self.stored is not None
-        return self._in_its_place(self.stored.bound(upper=True), x, force)
+        return self._linear_at(self.stored.bound(upper=True), x, force)
 
-    def _in_its_place(self, blocks: EdgeBlocks | None, x: Array, force: Array) -> Self:
-        found = self._with_matrix(assembled(self.nodes, blocks))
-        found = replace(found, load=np.where(self.held, 0.0, force + found.multiply(x)), constant=0.0)
-        _ = found.load_scale, found.lambda_max  # found by all ranks together, so that each may look at it alone
-        return found
+    def _linear_at(self, blocks: EdgeBlocks | None, x: Array, force: Array) -> Self:
+        body = self._with_matrix(assembled(self.nodes, blocks))
+        body = replace(body, load=np.where(self.nodes.fixed, 0.0, force + body.multiply(x)), constant=0.0)
+        _ = body.load_scale, body.lambda_max  # found by all ranks together, so that each may look at it alone
+        return body
 
     def below_all(self) -> Self | None:
         """The linear body of C_low, by which this one is strongly monotone; None where none is known."""

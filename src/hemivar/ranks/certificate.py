@@ -48,9 +48,9 @@ def certify_on_ranks(solution: Solution, tolerance: float = 1e-8, alarm: TimeLim
         assert isinstance(bulk, BulkOnRanks)
         by = CyclesOnRanks((bulk.lower or bulk).body, alarm)
         point = Point(solution.problem, EnergyNorm(by), solution.unknowns, solution.multiplier)
-        found = certified(point, tolerance, None, alarm)
+        certificate = certified(point, tolerance, None, alarm)
         by.release()
-        return replace(found, seconds=time.perf_counter() - began)
+        return replace(certificate, seconds=time.perf_counter() - began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,30 +98,30 @@ class CyclesOnRanks(SolveByCycles):
     @cached_property
     def lowest(self) -> float:
         """The smallest eigenvalue of K scaled to a unit diagonal, by half; on small problems it is shown."""
-        found = super().lowest
-        if not found > _SINGULAR:
+        eigenvalue = super().lowest
+        if not eigenvalue > _SINGULAR:
             return 0.0
-        shown = self._shown(1, 1.0, np.zeros(self.body.unknown.size), found)
+        shown = self._shown(1, 1.0, np.zeros(self.body.unknown.size), eigenvalue)
         self.method = "factorisation" if shown else "multigrid"
-        return 0.0 if shown is False else found
+        return 0.0 if shown is False else eigenvalue
 
     def top(self, part: sp.csr_array, near: float | None = None) -> Mode:
         """The largest eigenvalue of ``(S'S, K)``, ``S`` (k, n), shown to be no larger where a factorisation can."""
         subspace = self._started(part)
         added = subspace.improve(self.quality, _STEPS, _ACCURATE)
-        found = float(subspace.values[0])
+        largest = float(subspace.values[0])
         softening: Array = np.bincount(part.indices, part.data**2, self.diagonal.size).astype(float)
-        for trial in (*(found * (1.0 + more) for more in _TRIALS), 0.5 * (found + 1.0)):
-            shown = None if found >= 1.0 else trial < 1.0 and self._shown(0, trial, softening[self.body.unknown])
+        for trial in (*(largest * (1.0 + more) for more in _TRIALS), 0.5 * (largest + 1.0)):
+            shown = None if largest >= 1.0 else trial < 1.0 and self._shown(0, trial, softening[self.body.unknown])
             if shown:
-                return Mode(found, trial * (1.0 + 1e-6), subspace.X[:, 0])
+                return Mode(largest, trial * (1.0 + 1e-6), subspace.X[:, 0])
             if shown is None:
                 break
         self.proves, self.method = False, ESTIMATE
-        return Mode(found, found + added if found >= 1.0 or shown is None else np.inf, subspace.X[:, 0])
+        return Mode(largest, largest + added if largest >= 1.0 or shown is None else np.inf, subspace.X[:, 0])
 
     def _start(self) -> Array:
-        return np.where(self.body.held, 0.0, super()._start())
+        return np.where(self.body.nodes.fixed, 0.0, super()._start())
 
     def _shown(self, which: int, factor: float, less: Array, scaled: float = 0.0) -> bool | None:
         """:func:`_definite` of a problem that is small enough for it, while there is time; None otherwise."""

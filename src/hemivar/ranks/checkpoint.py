@@ -21,7 +21,7 @@ from hemivar.basics.disk import regular_file, shown
 from hemivar.basics.types import Array, IntArray, Record
 from hemivar.errors import ProblemError
 from hemivar.ranks.body_on_ranks import BodyOnRanks
-from hemivar.ranks.files import one_writer, read_rows, write_rows
+from hemivar.ranks.files import LONGEST_LINE, one_writer, read_rows, write_rows
 from hemivar.ranks.preconditioner import Multigrid
 from hemivar.ranks.ranks import Ranks, shared
 from hemivar.ranks.solve import Saved, depends_on_ranks
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["read_checkpoint", "write_checkpoint"]
 
+#: Version of what stands in a checkpoint; others are refused.
 _FORMAT = 4
-_LONGEST_LINE = 1 << 26
 _LEAST = 1e-300  # of a residual
 _LENGTHS = 10.0 ** np.arange(-6, 1)  # of displacements at which laws are compared, in terms of the size of the body
 
@@ -99,9 +99,9 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
     else:
         assert isinstance(memory.equation, KrylovNewton)
         assert isinstance(memory.equation.matrix, Multigrid)
-        place = memory.equation.matrix.built_at
-        factor, energy, built = memory.factor, float(state.energy or 0.0), place is not None
-        arrays = [state.r, memory.force, *([] if place is None else [place])]
+        linearised_at = memory.equation.matrix.built_at
+        factor, energy, built = memory.factor, float(state.energy or 0.0), linearised_at is not None
+        arrays = [state.r, memory.force, *([] if linearised_at is None else [linearised_at])]
     naturals = []
     for array in arrays:
         vector, natural = body.vector(array), _natural(body)
@@ -143,9 +143,9 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
             stream = stack.enter_context(_opened(path))
             return stream, _head(path, stream, body, marks, dependent)
 
-        found = ranks.agree(head)
-        stream = None if found is None else found[0]
-        kept: _Head = ranks.mpi.bcast(None if found is None else found[1])
+        opened = ranks.agree(head)
+        stream = None if opened is None else opened[0]
+        kept: _Head = ranks.mpi.bcast(None if opened is None else opened[1])
         naturals: list[PETSc.Vec] = []
         arrays: list[Array] = []
         for _ in kept.sums:
@@ -174,13 +174,13 @@ def _state(body: BodyOnRanks, head: _Head, arrays: list[Array]) -> State:
     if body.stored is not None:
         force = body.out_of_balance(x)
         lam = body.multiplier(x, force)
-        found = body.residual(x, lam, force)
-        return State(x, lam, energy=head.energy, residual=found, memory=ProximalMemory(force, head.stiffening))
+        residual = body.residual(x, lam, force)
+        return State(x, lam, energy=head.energy, residual=residual, memory=ProximalMemory(force, head.stiffening))
     matrix = Multigrid(body, arrays[2] if head.built else None)
     memory = NewtonMemory(head.stiffening, arrays[1], KrylovNewton(body, matrix))
     lam = body.multiplier(x, memory.force)
-    found = body.residual(x, lam, memory.force)
-    return State(x, lam, energy=head.energy, residual=found, memory=memory)
+    residual = body.residual(x, lam, memory.force)
+    return State(x, lam, energy=head.energy, residual=residual, memory=memory)
 
 
 def _sums(ranks: Ranks, naturals: list[PETSc.Vec]) -> list[str]:
@@ -231,7 +231,7 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
     """The first line of a checkpoint, if that is whole and of this problem."""
     name = shown(path)
     try:
-        record: Record = json.loads(stream.readline(_LONGEST_LINE))
+        record: Record = json.loads(stream.readline(LONGEST_LINE))
         if record["format"] != _FORMAT:
             raise ProblemError(f"checkpoint '{name}' is of another version; solve from the beginning")
         head = decoded(_Head, record["head"], [])

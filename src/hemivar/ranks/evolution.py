@@ -126,10 +126,10 @@ class OperatorOnRanks(Operator):
         there = frame.free.ravel() & (diagonal > 0.0)
         diagonal, right = np.where(there, diagonal, 1.0), np.where(there, right, 0.0)
         size = _SOLVED * float(ranks.norms(right)[0])
-        found = conjugate_gradients(
+        result = conjugate_gradients(
             _Inner(self), diagonal, right, lambda rest: np.where(there, rest / diagonal, 0.0), size, 500, vectors=ranks
         )
-        return found.solution if float(ranks.norms(found.residual)[0]) <= size else None
+        return result.solution if float(ranks.norms(result.residual)[0]) <= size else None
 
     @property
     def numbers(self) -> tuple[Array, ...]:
@@ -144,8 +144,8 @@ class _Inner:
     whole: OperatorOnRanks
 
     def __matmul__(self, vector: Array) -> Array:
-        held = np.zeros(self.whole._frame.moved.size)
-        return self.whole.times(np.concatenate([vector, held]))[: vector.size]
+        resting = np.zeros(self.whole._frame.moved.size)
+        return self.whole.times(np.concatenate([vector, resting]))[: vector.size]
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,8 +280,8 @@ def _moved(
     every = moved_components(stated, supports)
     dim = skin.dim
     seen = every[owned[every // dim]]
-    place = np.cumsum(owned) - 1
-    return np.asarray(place[seen // dim] * dim + seen % dim), seen
+    number = np.cumsum(owned) - 1
+    return np.asarray(number[seen // dim] * dim + seen % dim), seen
 
 
 class _Matrices:

@@ -1,4 +1,4 @@
-"""Files that rank 0 writes and reads while all ranks send and receive; what goes wrong there is told to all."""
+"""Gather and scatter: files that rank 0 writes and reads while all ranks send and receive, and share its errors."""
 
 from __future__ import annotations
 
@@ -15,9 +15,13 @@ from hemivar.basics.types import Array
 from hemivar.errors import FileError
 from hemivar.ranks.ranks import Ranks
 
-__all__ = ["RankZeroFile", "one_writer", "read_rows", "write_rows"]
+__all__ = ["LONGEST_LINE", "RankZeroFile", "one_writer", "read_rows", "write_rows"]
 
+#: Bytes of the first line of a checkpoint that are read: what is no checkpoint may have no end of a line.
+LONGEST_LINE = 1 << 26
+#: Numbers that travel at a time, 8 MiB of them.
 _ROWS = 1 << 20
+#: By which messages of files are known; any number that no other message has.
 _TAG = 77
 
 
@@ -103,8 +107,8 @@ def read_rows(ranks: Ranks, stream: IO[bytes] | None, count: int) -> Array:
             data = b"" if stream is None else stream.read(8 * size)
         except OSError:
             data = b""
-        found = np.frombuffer(data[: len(data) // 8 * 8], dtype="<f8")
-        out[: len(found)] = found
+        part = np.frombuffer(data[: len(data) // 8 * 8], dtype="<f8")
+        out[: len(part)] = part
         return out
 
     mine = numbers(count)

@@ -15,13 +15,12 @@ from hemivar.basics.types import Record
 from hemivar.errors import FileError
 from hemivar.evolution import Checkpoint
 from hemivar.evolution.march_state import MarchState
-from hemivar.ranks.files import one_writer, read_rows, write_rows
+from hemivar.ranks.files import LONGEST_LINE, one_writer, read_rows, write_rows
 from hemivar.ranks.ranks import Ranks
 
 __all__ = ["CheckpointOnRanks"]
 
 _KIND, _FORMAT = "hemivar march over ranks", 1
-_LONGEST_LINE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -45,12 +44,12 @@ class CheckpointOnRanks(Checkpoint):
         """The march in the file, None if there is no file; all ranks call this."""
         ranks = self.ranks
         with ExitStack() as stack:
-            found = ranks.agree(lambda: self._opened(stack) if ranks.rank == 0 else None)
-            sizes = ranks.mpi.bcast(None if found is None else found[1])
+            opened = ranks.agree(lambda: self._opened(stack) if ranks.rank == 0 else None)
+            sizes = ranks.mpi.bcast(None if opened is None else opened[1])
             if sizes is None:
                 return None
             size = sizes[ranks.rank]
-            numbers = read_rows(ranks, None if found is None else found[0], -(-size // 8))
+            numbers = read_rows(ranks, None if opened is None else opened[0], -(-size // 8))
         return ranks.agree(lambda: self.unpack(numbers.astype("<f8").tobytes()[:size], identity))
 
     def _opened(self, stack: ExitStack) -> tuple[IO[bytes], list[int]] | None:
@@ -60,7 +59,7 @@ class CheckpointOnRanks(Checkpoint):
         name = shown(self.file)
         try:
             stream = stack.enter_context(self.file.open("rb"))
-            head: Record = json.loads(stream.readline(_LONGEST_LINE))
+            head: Record = json.loads(stream.readline(LONGEST_LINE))
             kind, version, count, sizes = (head[key] for key in ("kind", "format", "ranks", "bytes"))
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise FileError(f"{name}: this is not a checkpoint of a run over ranks ({error}); name another") from None

@@ -1,4 +1,4 @@
-"""Matrices of a body over ranks as PETSc has them, and the motions that deform nothing."""
+"""Assembled matrices of a body over ranks, in PETSc, and the near-nullspace (motions that deform nothing)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def assembled(nodes: NodesOnRanks, blocks: EdgeBlocks | None) -> PETSc.Mat:
         blocks.turn(nodes.directions)
         own = blocks.matrix()
     mapping = PETSc.LGMap().create(nodes.places.astype(index), bsize=dim, comm=nodes.ranks.comm)
-    size = (nodes.held.size, None)
+    size = (nodes.fixed.size, None)
     parts = PETSc.Mat().create(nodes.ranks.comm)
     parts.setType("is")
     parts.setSizes((size, size), bsize=dim)
@@ -61,11 +61,11 @@ def hold(matrix: PETSc.Mat, nodes: NodesOnRanks) -> float:
     """Make the rows and columns of held unknowns those of a multiple of the identity, which is returned."""
     from petsc4py import PETSc
 
-    loose = matrix.getDiagonal().array_r[~nodes.held]
+    loose = matrix.getDiagonal().array_r[~nodes.fixed]
     total, count = nodes.ranks.total(float(loose.sum()), loose.size)
     mean = float(total / max(count, 1.0))
     matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-    rows = matrix.getOwnershipRange()[0] + np.flatnonzero(nodes.held)
+    rows = matrix.getOwnershipRange()[0] + np.flatnonzero(nodes.fixed)
     matrix.zeroRowsColumns(rows.astype(PETSc.IntType), diag=mean)
     matrix.setOption(PETSc.Mat.Option.SPD, True)
     return mean
@@ -76,7 +76,7 @@ def row_sums(matrix: PETSc.Mat, nodes: NodesOnRanks) -> Array:
     first, _, entries = matrix.getValuesCSR()
     count = first.size - 1
     sums = np.bincount(np.repeat(np.arange(count), np.diff(first)), np.abs(entries), minlength=count)
-    return np.where(nodes.held, 0.0, sums)
+    return np.where(nodes.fixed, 0.0, sums)
 
 
 def near_null_space(nodes: NodesOnRanks) -> PETSc.NullSpace:

@@ -1,4 +1,4 @@
-"""The nodes of a mesh over ranks as unknowns: what all vectors and matrices on the mesh share."""
+"""Degrees of freedom over ranks, at the nodes of a mesh: what all vectors and matrices on the mesh share."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class NodesOnRanks:
         return self.piece.owned(self.ranks)
 
     @cached_property
-    def held(self) -> BoolArray:
+    def fixed(self) -> BoolArray:
         """Entries of a vector that supports hold, (n,)."""
         return np.asarray(~self.free[self.owned].ravel())
 
@@ -77,7 +77,7 @@ class NodesOnRanks:
         from petsc4py import PETSc
 
         vector = PETSc.Vec().create(self.ranks.comm)
-        vector.setSizes((self.held.size, None), bsize=self.dim)
+        vector.setSizes((self.fixed.size, None), bsize=self.dim)
         vector.setType("standard")
         vector.array_w[:] = 0.0 if x is None else x
         return vector
@@ -92,8 +92,8 @@ class NodesOnRanks:
         """Vector (n,) of the sums over the ranks of values (N, d) at the nodes of their pieces."""
         from petsc4py import PETSc
 
-        vector, places = self.vector(), self.places.astype(PETSc.IntType)
-        vector.setValuesBlocked(places, values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
+        vector, numbers = self.vector(), self.places.astype(PETSc.IntType)
+        vector.setValuesBlocked(numbers, values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
         vector.assemble()
         return np.array(vector.array_r)
 
@@ -138,7 +138,7 @@ def _prolongation(coarse: NodesOnRanks, fine: NodesOnRanks) -> PETSc.Mat:
     index = (np.concatenate(rows), np.concatenate(columns))
     local = sp.coo_array((np.concatenate(data), index), shape=(count * dim, coarse.total)).tocsr()
     matrix = PETSc.Mat().createAIJ(
-        ((count * dim, None), (coarse.held.size, None)),
+        ((count * dim, None), (coarse.fixed.size, None)),
         csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
         comm=fine.ranks.comm,
     )

@@ -38,6 +38,7 @@ from hemivar.solvers import Solution
 
 __all__ = ["SeriesOnRanks", "pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
 
+#: Nodes that the first rank has at a time: 4 MiB of numbers.
 _NODES_AT_A_TIME = 1 << 17
 
 
@@ -67,12 +68,12 @@ def write_json_on_ranks(
             target.write(f'{laid_out(record)[:-2]},\n "displacement": [')
         for start in range(0, body.piece.total, _NODES_AT_A_TIME):
             part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
-            told, _, _ = ranks.exchange(
+            received, _, _ = ranks.exchange(
                 np.zeros(part.stop - part.start, dtype=np.int64), np.column_stack([numbers[part], values[part]])
             )
             if target.open:
-                told = told[np.argsort(told[:, 0]), 1:]
-                target.write((", " if start else "") + json.dumps(plain(told), allow_nan=False)[1:-1])
+                received = received[np.argsort(received[:, 0]), 1:]
+                target.write((", " if start else "") + json.dumps(plain(received), allow_nan=False)[1:-1])
         target.write("]\n}\n")
     return path
 
@@ -81,12 +82,12 @@ def _gathered(solution: Solution, columns: dict[str, list[object]]) -> dict[str,
     """Columns of the contact points of all ranks in the order of the serial run, on rank 0; those of the rank
     elsewhere."""
     body, contact = body_of(solution.problem), solution.contact
-    told = body.ranks.mpi.gather((contact.boundary, body.piece.numbers[contact.node], columns))
-    if told is None:
+    gathered = body.ranks.mpi.gather((contact.boundary, body.piece.numbers[contact.node], columns))
+    if gathered is None:
         return columns
-    boundary, number = (np.concatenate([part[k] for part in told]) for k in range(2))
+    boundary, number = (np.concatenate([part[k] for part in gathered]) for k in range(2))
     order = np.lexsort((number, boundary)).tolist()
-    rows = {name: list(itertools.chain.from_iterable(part[2][name] for part in told)) for name in columns}
+    rows = {name: list(itertools.chain.from_iterable(part[2][name] for part in gathered)) for name in columns}
     return {name: [values[k] for k in order] for name, values in rows.items()}
 
 
@@ -109,16 +110,16 @@ def _write_pieces(body: BodyOnRanks, path: Path, seen: Solution | Snapshot) -> l
     ranks, mesh = body.ranks, body.piece.mesh
     fields, cell_fields = _fields(body, seen)
     kind = {2: "triangle", 3: "tetra"}[mesh.dim]
-    told = field_data(seen)
-    grids = [_Grid("", three_components(mesh.points), {kind: mesh.cells}, fields, cell_fields, told)]
+    whole = field_data(seen)
+    grids = [_Grid("", three_components(mesh.points), {kind: mesh.cells}, fields, cell_fields, whole)]
     names = list(body.statement.contact)
     if names:
         facets = [mesh.boundaries[name] for name in names]
         number = np.concatenate([np.full(len(f), k, dtype=np.int32) for k, f in enumerate(facets)])
-        used, place = np.unique(np.concatenate(facets).ravel(), return_inverse=True)
+        used, row = np.unique(np.concatenate(facets).ravel(), return_inverse=True)
         chosen = {name: values[used] for name, values in fields.items() if name not in ("stress", "velocity")}
-        cells = {{2: "line", 3: "triangle"}[mesh.dim]: place.reshape(-1, mesh.dim)}
-        grids.append(_Grid("_contact", three_components(mesh.points[used]), cells, chosen, {"boundary": number}, told))
+        cells = {{2: "line", 3: "triangle"}[mesh.dim]: row.reshape(-1, mesh.dim)}
+        grids.append(_Grid("_contact", three_components(mesh.points[used]), cells, chosen, {"boundary": number}, whole))
     here = ranks.mpi.allgather([grid.count > 0 for grid in grids])
     with ExitStack() as pieces, ExitStack() as indices:
         # the stacks rename what was written when they end well: pieces first
@@ -147,7 +148,7 @@ class _Grid:
     cells: dict[str, IntArray]
     point_data: dict[str, Array]
     cell_data: dict[str, Array]
-    told: dict[str, float]
+    field_data: dict[str, float]
 
     @property
     def count(self) -> int:
@@ -166,7 +167,7 @@ def _write_all(
         if here[ranks.rank][number]:
             with _naming(own):
                 there = pieces.enter_context(whole_file(own))
-                write_grid(there, grid.points, grid.cells, grid.point_data, grid.cell_data, grid.told)
+                write_grid(there, grid.points, grid.cells, grid.point_data, grid.cell_data, grid.field_data)
         if files and ranks.rank == [rank[number] for rank in here].index(True):
             with _naming(index):
                 there = indices.enter_context(whole_file(index))

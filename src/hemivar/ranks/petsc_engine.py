@@ -89,7 +89,7 @@ class PetscEngine(Engine):
         return code
 
     def inputs(self, files: Sequence[Path]) -> list[Path]:
-        return sorted({file for told in self.ranks.mpi.allgather(list(files)) for file in told})
+        return sorted({file for named in self.ranks.mpi.allgather(list(files)) for file in named})
 
     def pieces(self, option: str, path: Path) -> list[Path]:
         if option != "--vtu":
@@ -103,7 +103,7 @@ class PetscEngine(Engine):
         """Only the first rank reads the file and the mesh that it starts from; the statement is that on each piece."""
         text = self.ranks.mpi.bcast(self.agree(lambda: read_text(path) if self.first else ""))
 
-        def place(stated: StatedMesh) -> Mesh:
+        def mesh_of(stated: StatedMesh) -> Mesh:
             try:
                 self.meshes = self._cut(stated)
             except ProblemError as refused:
@@ -112,7 +112,7 @@ class PetscEngine(Engine):
 
         # what the file says before the mesh is refused by all ranks alike, what it says after that perhaps by one only
         try:
-            stated = parse_problem_file(text, path.parent, str(path), place, changes, code)
+            stated = parse_problem_file(text, path.parent, str(path), mesh_of, changes, code)
             error = None
         except ProblemError as refused:
             error = refused
@@ -122,14 +122,14 @@ class PetscEngine(Engine):
                 raise error
             return stated
 
-        found = self.agree(both)
-        if found.problem.kind:
-            said = f"{found.name}: kind: the engine 'petsc' has no scalar problems; leave --engine out"
-            raise shared(MethodError(said))
-        if found.problem.areas:
-            said = f"{found.name}: area: the engine 'petsc' has no contact over an area; leave --engine out"
-            raise shared(MethodError(said))
-        return found
+        file = self.agree(both)
+        if file.problem.kind:
+            refusal = f"{file.name}: kind: the engine 'petsc' has no scalar problems; leave --engine out"
+            raise shared(MethodError(refusal))
+        if file.problem.areas:
+            refusal = f"{file.name}: area: the engine 'petsc' has no contact over an area; leave --engine out"
+            raise shared(MethodError(refusal))
+        return file
 
     def _cut(self, stated: StatedMesh) -> list[Piece]:
         """The pieces of this rank, coarsest first."""
@@ -166,8 +166,8 @@ class PetscEngine(Engine):
     ) -> RunResult:
         """Solve, from a checkpoint where that is asked for, and certify."""
         body, path = body_of(problem), asked.checkpoint
-        begun = asked.resume and self.ranks.mpi.bcast(path is not None and os.path.lexists(path))
-        state = read_checkpoint(path, body) if begun and path is not None else None
+        resumed = asked.resume and self.ranks.mpi.bcast(path is not None and os.path.lexists(path))
+        state = read_checkpoint(path, body) if resumed and path is not None else None
         view(StartEvent(problem, 0, 1))
         controls = replace(asked.controls, callback=view)
         alarm, keep = self.limit.limited(controls.max_time), None if path is None else _Keeper(path, body)
@@ -209,7 +209,7 @@ class PetscEngine(Engine):
         assert isinstance(discrete, EvolutionOnRanks)
         return SeriesOnRanks(path, discrete)
 
-    def film(self, found: History, fields: Path | None) -> Film:
+    def film(self, history: History, fields: Path | None) -> Film:
         assert fields is not None
         return read_film(fields)
 
@@ -262,8 +262,8 @@ def all_or_none(ranks: Ranks) -> Iterator[None]:
         _end_all(ranks, 2, f"hemivar: error: {NO_MEMORY} ({who})")
     except Exception as error:
         frames = traceback.extract_tb(error.__traceback__)
-        place = f", {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
-        reason = f"{type(error).__name__}: {_one_line(error)[:300]}{place}"
+        where = f", {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
+        reason = f"{type(error).__name__}: {_one_line(error)[:300]}{where}"
         _end_all(ranks, 70, f"hemivar: error: {who} failed ({reason}); all ranks end", error)
 
 

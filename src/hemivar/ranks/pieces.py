@@ -1,4 +1,4 @@
-"""Pieces of a mesh: each rank holds the cells of its part, refines them itself, and knows which nodes it shares.
+"""Domain decomposition: each rank holds a piece of the mesh, refines it itself, and knows which nodes it shares.
 
 Every node has a number on which all ranks agree, that of the serial mesh.  Only the unrefined mesh is ever in one
 place.
@@ -64,26 +64,26 @@ class Piece:
 
     def summed(self, ranks: Ranks, values: Array) -> Array:
         """Nodal values (N, c), each the sum of those of all ranks that have the node."""
-        told, node = self._tell(ranks, values, np.ones(len(self.sharing), dtype=bool))
+        received, node = self._exchanged(ranks, values, np.ones(len(self.sharing), dtype=bool))
         out = values.copy()
         for c in range(values.shape[1]):
-            out[:, c] += np.bincount(node, weights=told[:, c], minlength=len(out))
+            out[:, c] += np.bincount(node, weights=received[:, c], minlength=len(out))
         return out
 
     def of_owners(self, ranks: Ranks, values: Array) -> Array:
         """Nodal values (N, c), each that of the rank that owns the node."""
-        told, node = self._tell(ranks, values, self.owned(ranks)[self.sharing[:, 0]])
+        received, node = self._exchanged(ranks, values, self.owned(ranks)[self.sharing[:, 0]])
         out = values.copy()
-        out[node] = told
+        out[node] = received
         return out
 
-    def _tell(self, ranks: Ranks, values: Array, which: BoolArray) -> tuple[Array, IntArray]:
+    def _exchanged(self, ranks: Ranks, values: Array, which: BoolArray) -> tuple[Array, IntArray]:
         pairs = self.sharing[which]
         rows = np.column_stack([self.numbers[pairs[:, 0]].astype(float), values[pairs[:, 0]]])
-        told, _, _ = ranks.exchange(pairs[:, 1], rows)
+        received, _, _ = ranks.exchange(pairs[:, 1], rows)
         order = np.argsort(self.numbers)
-        node = order[np.searchsorted(self.numbers, told[:, 0].astype(np.int64), sorter=order)]
-        return told[:, 1:], node
+        node = order[np.searchsorted(self.numbers, received[:, 0].astype(np.int64), sorter=order)]
+        return received[:, 1:], node
 
 
 def family(
@@ -148,10 +148,10 @@ def _check_memory(ranks: Ranks, mesh: Mesh | None, times: int) -> None:
 def grid_numbers(points: Array, origin: Sequence[float], extent: Sequence[float], counts: Sequence[int]) -> IntArray:
     """Numbers of the nodes of a built-in mesh at these points, (N,): corners along x, y, z, then centres."""
     size = np.asarray(counts)
-    place = np.rint(2.0 * (points - np.asarray(origin)) / np.asarray(extent) * size).astype(np.int64)
-    centre = (place % 2 == 1).any(axis=1)
+    half = np.rint(2.0 * (points - np.asarray(origin)) / np.asarray(extent) * size).astype(np.int64)
+    centre = (half % 2 == 1).any(axis=1)
     stride, cell = np.cumprod([1, *(size[:-1] + 1)]), np.cumprod([1, *size[:-1]])
-    return np.asarray(np.where(centre, int(np.prod(size + 1)) + (place // 2) @ cell, (place // 2) @ stride))
+    return np.asarray(np.where(centre, int(np.prod(size + 1)) + (half // 2) @ cell, (half // 2) @ stride))
 
 
 #: Points, cells, numbers, boundaries, regions and the number of nodes of the mesh.
@@ -233,10 +233,10 @@ def _shared(ranks: Ranks, mesh: Mesh, numbers: IntArray, total: int, ends: IntAr
     within = np.arange(len(rows)) - np.repeat(np.cumsum(count[group]) - count[group], count[group])
     partner = who[first[group[rows]] + within]
     other = partner != who[rows]
-    told, _, _ = ranks.exchange(who[rows][other], np.column_stack([ids[rows][other], partner[other]]))
+    received, _, _ = ranks.exchange(who[rows][other], np.column_stack([ids[rows][other], partner[other]]))
     by_number = np.argsort(numbers)
-    node = by_number[np.searchsorted(numbers, told[:, 0], sorter=by_number)]
-    return Piece(mesh, numbers, total, owner, np.column_stack([node, told[:, 1]]), ends)
+    node = by_number[np.searchsorted(numbers, received[:, 0], sorter=by_number)]
+    return Piece(mesh, numbers, total, owner, np.column_stack([node, received[:, 1]]), ends)
 
 
 def _home(ranks: Ranks, numbers: IntArray, total: int) -> IntArray:
@@ -258,8 +258,8 @@ def refine(ranks: Ranks, piece: Piece, crossed: bool = False) -> Piece:
     finer = mesh.refined() if mesh.number_of_cells else mesh
     if crossed:
         finer = _crossed(finer)
-    found = _shared(ranks, finer, numbers, piece.total + count, np.vstack([own, edges]))
-    return replace(found, parts=piece.parts, whole=piece.whole)
+    result = _shared(ranks, finer, numbers, piece.total + count, np.vstack([own, edges]))
+    return replace(result, parts=piece.parts, whole=piece.whole)
 
 
 def _crossed(mesh: Mesh) -> Mesh:
@@ -275,9 +275,9 @@ def _edge_numbers(ranks: Ranks, pairs: IntArray, total: int) -> tuple[IntArray, 
     """Place of each edge, a pair of node numbers with the lower one first, among all edges sorted; and their count."""
     asked, _, back = ranks.exchange(_home(ranks, pairs[:, 0], total), pairs)
     keys = asked[:, 0] * total + asked[:, 1]
-    distinct, place = np.unique(keys, return_inverse=True)
+    distinct, row = np.unique(keys, return_inverse=True)
     before, count = ranks.offset(len(distinct))
-    return back.answer((before + place.reshape(-1, 1)).astype(np.int64))[:, 0], count
+    return back.answer((before + row.reshape(-1, 1)).astype(np.int64))[:, 0], count
 
 
 def renumber(ranks: Ranks, piece: Piece, numbers: IntArray) -> Piece:
@@ -290,5 +290,5 @@ def renumber(ranks: Ranks, piece: Piece, numbers: IntArray) -> Piece:
             )
 
     ranks.agree(check)
-    found = _shared(ranks, piece.mesh, numbers, piece.total, piece.ends)
-    return replace(found, parts=piece.parts, whole=piece.whole)
+    result = _shared(ranks, piece.mesh, numbers, piece.total, piece.ends)
+    return replace(result, parts=piece.parts, whole=piece.whole)

@@ -1,4 +1,4 @@
-"""The preconditioner: PETSc's multigrid on the refined meshes, algebraic below the coarsest of them."""
+"""The preconditioner: PETSc's geometric multigrid on the refined meshes, algebraic below the coarsest of them."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _OTHER = 0.3  # change of a second derivative, in terms of the stiffness there, 
 #: so that the cycle is symmetric. GAMG keeps its own smoothers: its coarse matrices may have zero rows.
 _DEFAULTS = {
     f"hemivar_mg_{when}_{name}": value
-    for when, way in (("levels", "forward"), ("up", "backward"))
+    for when, direction in (("levels", "forward"), ("up", "backward"))
     for name, value in (
         ("ksp_type", "richardson"),
         ("ksp_max_it", "1"),
         ("pc_type", "sor"),
-        (f"pc_sor_local_{way}", "1"),
+        (f"pc_sor_local_{direction}", "1"),
     )
 }
 
@@ -59,10 +59,10 @@ class Multigrid:
         self.body = body
         self.built_at: Array | None = None
         self.diagonal = body.elastic.matrix_diagonal
-        self._held, self._curvature = np.zeros(0, dtype=bool), np.zeros(0)
-        self._out = self._held
-        self._built: tuple[BoolArray, Array] = self._held, self._curvature
-        self._exact: tuple[BoolArray, Array] = self._held, self._curvature
+        self._at_kink, self._curvature = np.zeros(0, dtype=bool), np.zeros(0)
+        self._out = self._at_kink
+        self._built: tuple[BoolArray, Array] = self._at_kink, self._curvature
+        self._exact: tuple[BoolArray, Array] = self._at_kink, self._curvature
         self.builds = 0
         self._given, self._made = body.K.createVecs()
         self.levels = [body.nodes]
@@ -96,28 +96,28 @@ class Multigrid:
 
     # ---- Newton's matrix -----------------------------------------------------------------------------------
 
-    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+    def change(self, x: Array, at_kink: BoolArray, curvature: Array) -> None:
         """See :class:`hemivar.systems.body.Truncation`."""
         body = self.body
-        self._held, self._curvature = held, curvature
-        self._out = np.concatenate([body.unknown[held], np.flatnonzero(body.held)])
+        self._at_kink, self._curvature = at_kink, curvature
+        self._out = np.concatenate([body.unknown[at_kink], np.flatnonzero(body.nodes.fixed)])
         stiff = _positive(curvature)
-        if self.built_at is None or self._stale(held, stiff):
-            self.build(held, stiff)
+        if self.built_at is None or self._stale(at_kink, stiff):
+            self.build(at_kink, stiff)
             self.built_at = x
 
-    def again(self, x: Array, held: BoolArray, curvature: Array) -> bool:
+    def again(self, x: Array, at_kink: BoolArray, curvature: Array) -> bool:
         """Begin another solve as :meth:`change` would with a new cycle; False if that takes a new one."""
-        held_then, exactly = self._exact
+        at_kink_then, exactly = self._exact
         stiff = _positive(curvature)
-        other = held.shape != held_then.shape or (held != held_then).any() or (stiff != exactly).any()
+        other = at_kink.shape != at_kink_then.shape or (at_kink != at_kink_then).any() or (stiff != exactly).any()
         differs = bool(self.body.ranks.largest(float(other))[0])
         if self._remembers and (differs or self.builds > 1):
             return False
         if differs:
-            self.build(held, stiff)
-        self._held, self._curvature, self.built_at = held, curvature, x
-        self._out = np.concatenate([self.body.unknown[held], np.flatnonzero(self.body.held)])
+            self.build(at_kink, stiff)
+        self._at_kink, self._curvature, self.built_at = at_kink, curvature, x
+        self._out = np.concatenate([self.body.unknown[at_kink], np.flatnonzero(self.body.nodes.fixed)])
         return True
 
     @property
@@ -128,8 +128,8 @@ class Multigrid:
     def __matmul__(self, vector: Array) -> Array:
         body = self.body
         out = body.multiply(vector)
-        way = body.spread(vector[body.unknown])
-        out[body.unknown] += body.gather(np.einsum("mij,mj->mi", self._curvature, way))
+        local = body.spread(vector[body.unknown])
+        out[body.unknown] += body.gather(np.einsum("mij,mj->mi", self._curvature, local))
         out[self._out] = 0.0
         return out
 
@@ -140,10 +140,10 @@ class Multigrid:
 
     # ---- the cycle -----------------------------------------------------------------------------------------
 
-    def build(self, held: BoolArray, curvature: Array) -> None:
-        """Set up for unknowns ``held (k,)`` at kinks and second derivatives ``curvature (m, d, d)`` of the laws."""
+    def build(self, at_kink: BoolArray, curvature: Array) -> None:
+        """Set up for unknowns ``at_kink (k,)`` and second derivatives ``curvature (m, d, d)`` of the laws."""
         first = not self.matrices
-        top = self._top(held, curvature)
+        top = self._top(at_kink, curvature)
         if len(self.levels) == 1:
             for matrix in self.matrices:
                 matrix.destroy()
@@ -151,7 +151,7 @@ class Multigrid:
             top.setNearNullSpace(self.body.near)
             self.pc.setOperators(top)
         else:
-            self._coarsen(top, held, first)
+            self._coarsen(top, at_kink, first)
             self.pc.setOperators(top)
             for number, matrix in enumerate(self.matrices):
                 for smoother in self._smoothers(number):
@@ -159,8 +159,8 @@ class Multigrid:
             if first:
                 self.pc.setFromOptions()
         self.pc.setUp()
-        self._built = held.copy(), _diagonal(self.body, curvature)
-        self._exact = held.copy(), curvature.copy()
+        self._built = at_kink.copy(), _diagonal(self.body, curvature)
+        self._exact = at_kink.copy(), curvature.copy()
         self.builds += 1
 
     def _smoothers(self, number: int) -> list[PETSc.KSP]:
@@ -169,7 +169,7 @@ class Multigrid:
             return [self.pc.getMGCoarseSolve()]
         return [self.pc.getMGSmootherDown(number), self.pc.getMGSmootherUp(number)]
 
-    def _top(self, held: BoolArray, curvature: Array) -> PETSc.Mat:
+    def _top(self, at_kink: BoolArray, curvature: Array) -> PETSc.Mat:
         """Newton's matrix on the finest level, with unit rows (times the mean diagonal) for what is taken out."""
         from petsc4py import PETSc
 
@@ -188,18 +188,18 @@ class Multigrid:
             addv=PETSc.InsertMode.ADD_VALUES, rowmap=rows,
         )  # fmt: skip
         matrix.assemble()
-        matrix.zeroRowsColumns(rows[held], diag=body.typical)
+        matrix.zeroRowsColumns(rows[at_kink], diag=body.typical)
         if not body.supported:
             matrix.shift(_SHIFT * body.typical)
         return matrix
 
-    def _coarsen(self, top: PETSc.Mat, held: BoolArray, first: bool) -> None:
+    def _coarsen(self, top: PETSc.Mat, at_kink: BoolArray, first: bool) -> None:
         """Coarse matrices ``P'AP``; the finest prolongation reaches no unknown that is taken out."""
         from petsc4py import PETSc
 
         body = self.body
         ones = np.ones(body.load.size)
-        ones[body.unknown[held]] = 0.0
+        ones[body.unknown[at_kink]] = 0.0
         mask = body.vector(ones)
         whole = self.prolongations[-1]
         whole.copy(self.masked, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
@@ -215,12 +215,12 @@ class Multigrid:
                 finer.ptap(chain[number], result=self.matrices[number])
             _fill_diagonal(self.matrices[number])
 
-    def _stale(self, held: BoolArray, curvature: Array) -> bool:
+    def _stale(self, at_kink: BoolArray, curvature: Array) -> bool:
         """Whether the cycle was set up for something else."""
-        body, (held_then, before) = self.body, self._built
+        body, (at_kink_then, before) = self.body, self._built
         own, stiffness = _diagonal(body, curvature), body.stiffness[body.active]
         other = np.abs(own - before) > _OTHER * (stiffness + np.minimum(own, before))
-        return bool(body.ranks.largest(float(((held != held_then) | (other & ~held)).any()))[0])
+        return bool(body.ranks.largest(float(((at_kink != at_kink_then) | (other & ~at_kink)).any()))[0])
 
     def preconditioner(self) -> tuple[bool, Callable[[Array], Array]]:
         return False, self.cycle
@@ -247,14 +247,14 @@ class MultigridForMany:
         """That for one solve."""
         return ReusedCycle(body, self)
 
-    def at(self, body: BodyOnRanks, x: Array, held: BoolArray, curvature: Array) -> Multigrid:
+    def at(self, body: BodyOnRanks, x: Array, at_kink: BoolArray, curvature: Array) -> Multigrid:
         """Newton's matrix at the first place of a solve, with a cycle set up for it."""
-        if self.kept is not None and not self.kept.again(x, held, curvature):
+        if self.kept is not None and not self.kept.again(x, at_kink, curvature):
             self.kept.release()
             self.kept = None
         if self.kept is None:
             self.kept = Multigrid(body)
-            self.kept.change(x, held, curvature)
+            self.kept.change(x, at_kink, curvature)
         return self.kept
 
 
@@ -269,11 +269,11 @@ class ReusedCycle:
     def diagonal(self) -> Array:
         return self._body.elastic.matrix_diagonal
 
-    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+    def change(self, x: Array, at_kink: BoolArray, curvature: Array) -> None:
         if self._matrix is None:
-            self._matrix = self._cycles.at(self._body, x, held, curvature)
+            self._matrix = self._cycles.at(self._body, x, at_kink, curvature)
         else:
-            self._matrix.change(x, held, curvature)
+            self._matrix.change(x, at_kink, curvature)
 
     def __matmul__(self, vector: Array) -> Array:
         assert self._matrix is not None

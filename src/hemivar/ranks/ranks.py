@@ -1,4 +1,4 @@
-"""The ranks of a run: counted exchanges and reductions, and errors that all ranks share."""
+"""The ranks of a run (MPI communicator): counted exchanges and reductions, and errors that all ranks share."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from hemivar.basics.arrays import PLAIN_SQUARES
 from hemivar.basics.disk import shown
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import HemivarError, ProblemError
@@ -23,8 +24,6 @@ T = TypeVar("T")
 #: Rows of numbers of one type.
 Rows = TypeVar("Rows", Array, IntArray)
 
-#: Sums of squares between these are neither rounded to nothing nor overflowing.
-_TINY, _HUGE = 1e-250, 1e300
 #: What is said where the memory does not suffice.
 NO_MEMORY = "not enough memory for this problem; take more ranks on more machines, or fewer cells"
 
@@ -81,7 +80,7 @@ class Ranks:
         vectors = tuple(v.ravel() for v in vectors)
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
             squares = self.total(*(float(v @ v) for v in vectors))
-            if ((squares > _TINY) & (squares < _HUGE)).all():
+            if ((squares > PLAIN_SQUARES[0]) & (squares < PLAIN_SQUARES[1])).all():
                 return np.asarray(np.sqrt(squares))
             # all ranks have the same sums, and so come here together
             sizes = self.largest(*(float(np.abs(v).max(initial=0.0)) for v in vectors))
@@ -97,7 +96,7 @@ class Ranks:
 
     def named(self, names: Iterable[str]) -> tuple[str, ...]:
         """The names that any rank knows, in alphabetical order."""
-        return tuple(sorted({name for told in self.mpi.allgather(tuple(names)) for name in told}))
+        return tuple(sorted({name for known in self.mpi.allgather(tuple(names)) for name in known}))
 
     def before(self, count: int) -> int:
         """How many of something the ranks before this one have."""

@@ -1,4 +1,4 @@
-"""A step over ranks: the serial one, its stages solved and its margins found by all ranks together."""
+"""A time step over ranks: the serial one, its stages solved and its margins found by all ranks together."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class StageSolverOnRanks(StageSolver):
         # Known again by the laws of all ranks: what one of them has seen may be another law on the next.
         own = hashlib.sha256(b"".join(np.broadcast_to(alpha, shape).tobytes() for alpha in alphas)).digest()
 
-        def found() -> float:
+        def computed() -> float:
             by = CyclesOnRanks(_body_of(problem), self.alarm, examined=False)
             try:
                 return smallness(problem.with_(law=law), factor=EnergyNorm(by), trace_constant=False).constant
@@ -83,7 +83,7 @@ class StageSolverOnRanks(StageSolver):
             finally:
                 by.release()
 
-        return stage.operator.constants.once(tuple(ranks.mpi.allgather(own)), found)
+        return stage.operator.constants.once(tuple(ranks.mpi.allgather(own)), computed)
 
     def convexity_defect(self, stage: Stage) -> float:
         if self.depends(stage.problem):

@@ -1,4 +1,4 @@
-"""The march through time over ranks: the serial one, with steps that are solved over ranks."""
+"""Time integration over ranks: the serial one, with steps that are solved over ranks."""
 
 from __future__ import annotations
 
@@ -140,8 +140,8 @@ def _no_bound(stepper: TimeStepper) -> TimeBound:
 def _identity(stepper: TimeStepper, *options: object) -> str:
     """The digests of all ranks, part by part."""
     assert isinstance(stepper.discrete, EvolutionOnRanks)
-    told = stepper.discrete.ranks.mpi.allgather(identity(stepper, *options))
-    parts = zip(*(one.split("|") for one in told), strict=True)
+    digests = stepper.discrete.ranks.mpi.allgather(identity(stepper, *options))
+    parts = zip(*(digest.split("|") for digest in digests), strict=True)
     return "|".join(hashlib.sha256("".join(part).encode()).hexdigest()[:32] for part in parts)
 
 
@@ -151,9 +151,9 @@ def _probed(discrete: DiscreteEvolution, probes: Mapping[str, object]) -> Callab
     ranks, mesh, dim = discrete.ranks, discrete.pieces[-1].mesh, discrete.body.dim
     ends = ranks.largest(*mesh.points.max(axis=0, initial=-np.inf), *(-mesh.points).max(axis=0, initial=-np.inf))
     size = float((ends[:dim] + ends[dim:]).max())
-    found: dict[str, tuple[IntArray, Array]] = {}
-    for name, place in probes.items():
-        point = ranks.agree(lambda name=name, place=place: probe_point(name, place, dim))  # type: ignore[misc]
+    rules: dict[str, tuple[IntArray, Array]] = {}
+    for name, where in probes.items():
+        point = ranks.agree(lambda name=name, where=where: probe_point(name, where, dim))  # type: ignore[misc]
         nodes, share, off = np.zeros(0, dtype=np.int64), np.zeros(0), math.inf
         if mesh.number_of_cells:
             cell, share, off = nearest_cell(mesh, point)
@@ -161,14 +161,14 @@ def _probed(discrete: DiscreteEvolution, probes: Mapping[str, object]) -> Callab
         nearest, own = ranks.lowest(off)
         if nearest > COUNTS * size:
             raise shared(probe_outside(name, -ends[dim:], ends[:dim]))
-        found[name] = (nodes, share) if own else (nodes[:0], share[:0])
+        rules[name] = (nodes, share) if own else (nodes[:0], share[:0])
 
-    def measured(place: Array) -> dict[str, Array]:
-        if not found:
+    def measured(x: Array) -> dict[str, Array]:
+        if not rules:
             return {}
-        values = discrete.full(place)
-        own = [share @ values[nodes] if share.size else np.zeros(dim) for nodes, share in found.values()]
+        values = discrete.full(x)
+        own = [share @ values[nodes] if share.size else np.zeros(dim) for nodes, share in rules.values()]
         sums = ranks.total(*np.concatenate(own)).reshape(-1, dim)
-        return dict(zip(found, sums, strict=True))
+        return dict(zip(rules, sums, strict=True))
 
     return measured

@@ -1,4 +1,4 @@
-"""Solving over ranks, and what comes out of it."""
+"""The iteration over ranks, by the serial solver, and its solution with residual and status."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def solve_distributed(
             resume = Saved(State(x, body.multiplier(x), ended=stopped), ())
         nested = time.perf_counter() - began
         state, status, history = iterate(solver, body, resume.state, controls, alarm, resume.history, watch)
-        x, lam, found, status = finish(body, state, status, controls)
+        x, lam, residual, status = finish(body, state, status, controls)
         solver.release(state)
         levels = [body]
         while levels[-1].coarser is not None:
@@ -90,9 +90,9 @@ def solve_distributed(
             "iterate": time.perf_counter() - began - nested,
         }
         solution = Solution(
-            problem, x, lam, status, found, "petsc", len(history) - 1, state.evaluations, tuple(history), timings,
+            problem, x, lam, status, residual, "petsc", len(history) - 1, state.evaluations, tuple(history), timings,
             contraction=state.contraction,
         )  # fmt: skip
-        if status is Status.INACCURATE and not np.isfinite([found.total, found.scale, solution.energy]).all():
+        if status is Status.INACCURATE and not np.isfinite([residual.total, residual.scale, solution.energy]).all():
             return replace(solution, status=Status.NONFINITE)
         return solution

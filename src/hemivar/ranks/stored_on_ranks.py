@@ -1,4 +1,4 @@
-"""The stored energy of a body over ranks that is not linear, by the cells of each rank."""
+"""The stored energy (hyperelastic potential) of a body over ranks that is not linear, by the cells of each rank."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from hemivar.ranks.nodes import NodesOnRanks
 
 __all__ = ["StoredOnRanks"]
 
-_STRAINS = (1e-4, 1e-3, 1e-2, 1e-1)
 T = TypeVar("T")
 
 
@@ -40,7 +39,7 @@ class StoredOnRanks:
         """Internal forces (n,), shifted; zero where supports hold."""
         nodes = self.nodes
         forces = nodes.summed(nodes.along(self._asked(lambda own: own.forces(field), np.zeros(field.shape))))
-        return np.where(nodes.held, 0.0, forces) - self.initial_forces
+        return np.where(nodes.fixed, 0.0, forces) - self.initial_forces
 
     def tangent(self, field: Array) -> EdgeBlocks | None:
         """The stiffness of this rank's cells; None where there are none."""
@@ -59,7 +58,8 @@ class StoredOnRanks:
         """Numbers of this rank by whose sums an energy is known again: those of bodies strained as a whole."""
         points = self.nodes.piece.mesh.points
         sheared = np.roll(points, 1, axis=1)
-        fields = [strain * field for strain in _STRAINS for field in (points, -points, sheared, points + sheared)]
+        strains = (1e-4, 1e-3, 1e-2, 1e-1)  # from nearly linear to large
+        fields = [strain * field for strain in strains for field in (points, -points, sheared, points + sheared)]
         return self._asked(lambda own: [own.value(field) for field in fields], [0.0] * len(fields))
 
     def _asked(self, ask: Callable[[BeddedEnergy], T], without_cells: T) -> T:

@@ -1,4 +1,4 @@
-"""Whether the supports and the foundation hold a body that lies over ranks."""
+"""Coercivity over ranks: whether the supports and the foundation hold a body that lies over ranks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from hemivar.ranks.ranks import Ranks, shared
 if TYPE_CHECKING:
     from hemivar.ranks.body_on_ranks import BodyOnRanks
 
-__all__ = ["admissible_motions", "check_held", "check_parts", "supported"]
+__all__ = ["admissible_motions", "check_parts", "check_supported", "supported"]
 
 
 def _unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem], evolving: bool = False) -> DiscreteProblem:
@@ -70,7 +70,7 @@ def admissible_motions(
     return admitted(every), moves
 
 
-def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> tuple[str, ...]:
+def check_supported(body: BodyOnRanks, admissible: Array, moves: Array) -> tuple[str, ...]:
     """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does; the first rank decides.
 
     Returned: what must be said of a body that is let pass.
@@ -112,13 +112,13 @@ def check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> tuple[str,
 
 
 def check_parts(ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], evolving: bool) -> tuple[str, ...]:
-    """As :func:`check_held`, of a body of several parts: on the unrefined mesh, where they are distinct."""
+    """As :func:`check_supported`, of a body of several parts: on the unrefined mesh, where they are distinct."""
 
     def look() -> tuple[str, ...]:
         if piece.whole is None:
             return ()
-        held = refuse_free_motion(_unrefined(piece.whole, state, evolving))
-        return tuple(said for said in (held.limit, held.idle) if said is not None)
+        motion = refuse_free_motion(_unrefined(piece.whole, state, evolving))
+        return tuple(remark for remark in (motion.limit, motion.idle) if remark is not None)
 
-    told: tuple[str, ...] = ranks.mpi.bcast(ranks.agree(look))
-    return told
+    warnings: tuple[str, ...] = ranks.mpi.bcast(ranks.agree(look))
+    return warnings

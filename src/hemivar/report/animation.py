@@ -25,14 +25,9 @@ from hemivar.report.style import BLUE, GREY, ORANGE, RED, drawing
 __all__ = ["FILMS", "animate", "check_film", "write_gif"]
 
 FILMS = (".gif", ".mp4")
-#: Frames at most, unless asked for otherwise: a GIF of more is slow to load.
-_MOST_FRAMES = 200
-#: Frames from which the colours of a GIF are taken.
-_SAMPLES = 8
-#: Colours of a GIF that shows no scale of colours, and those that it must meet.
-_FEW_COLOURS = 64
-#: Seconds that one frame can be shown, the most that a GIF has a number for.
+#: Seconds that one frame can be shown: a GIF counts hundredths of a second, up to 65535 of them.
 _LONGEST_FRAME = 655.0
+#: Colours that a GIF must meet.
 _EXACT = ("white", "black", BLUE, ORANGE, RED, GREY, GROUND, "#eef4f9")  # the last is that of a plain body
 
 
@@ -55,7 +50,7 @@ def animate(
     *,
     scale: float | Literal["auto"] = "auto",
     seconds: float = 6.0,
-    frames: int = _MOST_FRAMES,
+    frames: int = 200,
     title: str | None = None,
     unit: str = "",
     time_unit: str = "",
@@ -141,9 +136,9 @@ def animate(
                     progress(number + 1, len(shown))
 
         if path.suffix.lower() == ".gif":
-            samples = np.unique(np.linspace(0, len(shown) - 1, _SAMPLES).astype(int)).tolist()
+            samples = np.unique(np.linspace(0, len(shown) - 1, 8).astype(int)).tolist()
             sheet = np.vstack([picture.image(film.frame(shown[k])) for k in samples])
-            colours = _FEW_COLOURS if coloured is FilmColour.NONE else 255
+            colours = 64 if coloured is FilmColour.NONE else 255
             write_gif(name, map(picture.image, played()), sheet, colours, seconds / len(shown))
         else:
             _write_mp4(name, picture, played(), min(50.0, round(len(shown) / seconds, 3)), dpi)

@@ -20,13 +20,10 @@ __all__ = ["FOOT", "certificate_line", "plot_certificate", "title_of", "with_not
 
 #: Room for the line below axes, in inches.
 FOOT = 0.22
+#: Points of the letters of that line: one line of them, with half a line around it, fits into the room.
 _SIZE = 6.5
-#: Mean width of a letter over its height.
-_LETTER = 0.5
 #: The range of relative sizes that is drawn; what is smaller is rounding.
 _LEAST, _MOST = 1e-17, 10.0
-#: Where the line for c ends at the least.
-_SHORT = 1.6
 
 
 def certificate_line(solution: Solution, certificate: Certificate | None, exact: DistanceToExact | None = None) -> str:
@@ -65,8 +62,8 @@ def write_below(ax: Axes, line: str, points: float = 36.0) -> None:
 
 
 def _wrapped(fig: Figure, line: str) -> str:
-    """In lines that are no longer than the figure."""
-    return "\n".join(wrap(line, int(fig.get_figwidth() * 72.0 / (_LETTER * _SIZE))))
+    """In lines that are no longer than the figure, if letters are half as wide as high."""
+    return "\n".join(wrap(line, int(fig.get_figwidth() * 72.0 / (0.5 * _SIZE))))
 
 
 def write_foot(fig: Figure, line: str) -> None:
@@ -111,7 +108,8 @@ def _margin(ax: Axes, certificate: Certificate) -> None:
     """The constant c with its coupling on a line that ends where uniqueness is no longer proved."""
     left_out = "margin" in certificate.left_out
     used = 1.0 - certificate.margin
-    shown = used if math.isfinite(used) else 2.0 * _SHORT  # beyond the end
+    least = 1.6
+    shown = used if math.isfinite(used) else 2.0 * least  # beyond the end
     sampled = certificate.smallness.sampled
     unproved = certificate.margin <= 0.0
     if not left_out:
@@ -122,7 +120,7 @@ def _margin(ax: Axes, certificate: Certificate) -> None:
         "limit", (1.0, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 1), textcoords="offset points",
         ha="center", va="bottom", fontsize=7.0,
     )  # fmt: skip
-    end = max(_SHORT, 1.25 * shown) if math.isfinite(used) else _SHORT
+    end = max(least, 1.25 * shown) if math.isfinite(used) else least
     ax.set_xlim(0.0, end)
     ax.set_ylim(-0.6, 0.6)
     margin = "not computed, because the time limit was reached" if left_out else f"{certificate.margin:.3g}"

@@ -1,4 +1,4 @@
-"""Figures along the contact boundary: curves in the plane, flat maps of the boundaries of bodies in space."""
+"""Tractions, gaps and slips along the contact boundary: curves in the plane, flat maps of boundaries in space."""
 
 from __future__ import annotations
 
@@ -46,9 +46,6 @@ if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
 __all__ = ["contact_maps", "plot_contact"]
-
-
-_MOST_ARROWS = 14
 
 
 @expecting(solution=Solution, title=str, unit=str, stress_unit=str, certificate=Certificate)
@@ -309,11 +306,12 @@ def _state_map(
 
 def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:
     """At most one of the chosen places in each square of a grid over a width of ``extent``."""
-    if len(chosen) <= _MOST_ARROWS**2:
+    side = 14
+    if len(chosen) <= side**2:
         return chosen
     low = places[chosen].min(axis=0)
-    square = np.floor((places[chosen] - low) / extent * _MOST_ARROWS).astype(np.int64)
-    _, first = np.unique(square[:, 0] * (_MOST_ARROWS + 2) + square[:, 1], return_index=True)
+    square = np.floor((places[chosen] - low) / extent * side).astype(np.int64)
+    _, first = np.unique(square[:, 0] * (side + 2) + square[:, 1], return_index=True)
     return np.asarray(chosen[first])
 
 

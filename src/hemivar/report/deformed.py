@@ -1,4 +1,4 @@
-"""What every picture of a deformed body starts from: where its nodes and contact points are, and its colours."""
+"""The deformed configuration that pictures start from: where its nodes and contact points are, and its colours."""
 
 from __future__ import annotations
 

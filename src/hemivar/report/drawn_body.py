@@ -12,7 +12,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
-from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, figure_of, with_unit
+from hemivar.report.style import MANY_CELLS, MARKERS, figure_of, with_unit
 from hemivar.solvers.contact_states import Kind
 
 if TYPE_CHECKING:
@@ -47,14 +47,6 @@ Filled = Literal["plainly", "cells", "vertices"]
 PLAIN = "#d9e6f2"
 #: A foundation.
 GROUND = "#f0f0f0"
-#: Room between an arrow and the mark of its contact point, relative to the body.
-_BESIDE_MARK = 0.012
-#: Of arrows, in inches.
-_THICK = 0.0115
-#: Distance of lines of a mesh in points from which on they are drawn in full.
-_WIDE = 9.0
-#: Depths of a foundation below what it carries, and of its hatches, relative to the body.
-_BELOW, _HATCHED = 0.03, 0.022
 
 
 class DrawnPlane:
@@ -128,7 +120,7 @@ class DrawnFoundation:
     def __init__(self, ax: Axes, lines: Sequence[FoundationLine], size: float, depth: float) -> None:
         from matplotlib.patches import Polygon
 
-        self.lines, self.depths = lines, (depth + _BELOW * size, _HATCHED * size)
+        self.lines, self.depths = lines, (depth + 0.03 * size, 0.022 * size)
         styles = (
             {"facecolor": GROUND},
             {"facecolor": "none", "edgecolor": "#8a8a8a", "hatch": "//////"},
@@ -169,7 +161,7 @@ def flat_map(panel: Axes, points: Array, cells: IntArray, values: Array, name: s
     from matplotlib.tri import Triangulation
 
     grid = Triangulation(points[:, 0], points[:, 1], cells)
-    colours = panel.tripcolor(grid, values, shading="gouraud", cmap="cividis", rasterized=len(cells) > MANY_FACETS)
+    colours = panel.tripcolor(grid, values, shading="gouraud", cmap="cividis", rasterized=len(cells) > MANY_CELLS)
     nothing = not values.any()
     if nothing:  # around 0 a scale would show negative values of a magnitude, and differences of nothing
         colours.set_clim(0.0, 1.0)
@@ -208,7 +200,7 @@ class DrawnSurface:
 
         self.facets = facets
         self.ax = cast("Axes3D", fig.add_axes(frame, projection="3d", computed_zorder=False))
-        fine = len(facets) > MANY_FACETS
+        fine = len(facets) > MANY_CELLS
         self.surface = Poly3DCollection(
             [np.zeros((3, 3))], linewidths=0.15, edgecolors="#00000060", zorder=2, cmap="cividis"
         )
@@ -268,10 +260,10 @@ def force_arrows(
     """
     drawn = force / scale
     sizes = np.linalg.norm(drawn, axis=1, keepdims=True)
-    beside = _BESIDE_MARK * size * np.divide(drawn, sizes, out=np.zeros_like(drawn), where=sizes > 0.0)
+    beside = 0.012 * size * np.divide(drawn, sizes, out=np.zeros_like(drawn), where=sizes > 0.0)
     tails = places + np.where(pulls[:, None], beside, -drawn - beside)
     quiver = ax.quiver(
-        *tails.T, *force.T, angles="xy", scale_units="xy", scale=scale, color=colour, units="inches", width=_THICK,
+        *tails.T, *force.T, angles="xy", scale_units="xy", scale=scale, color=colour, units="inches", width=0.0115,
         headwidth=3.6, headlength=4.6, headaxislength=4.2, minlength=0.5, zorder=zorder,
     )  # fmt: skip
     return quiver, np.vstack([tails, tails + drawn])
@@ -287,7 +279,7 @@ def mesh_lines(
     apart = 72.0 * inches / math.sqrt(0.5 * max(cells, 1))
     return PathPatch(
         _mesh_path(points, edges), fill=False, edgecolor=colour, zorder=2,
-        linewidth=float(np.clip(0.06 * apart, 0.1, 0.6)), alpha=pale * float(np.clip(apart / _WIDE, 0.3, 1.0)),
+        linewidth=float(np.clip(0.06 * apart, 0.1, 0.6)), alpha=pale * float(np.clip(apart / 9.0, 0.3, 1.0)),
     )  # fmt: skip
 
 

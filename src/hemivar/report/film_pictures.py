@@ -39,17 +39,12 @@ if TYPE_CHECKING:
 
 __all__ = ["FilmColour", "FilmPicture", "PlanePicture", "SolidPicture"]
 
-_MOST_ARROWS = 70
 #: How far a body may go, in its own sizes; beyond, its picture is a point.
 _FARTHEST = 1e9
-#: The longest arrow, of the diameter of the body.
-_ARROW = 0.16
 #: How far a foundation goes on beyond what touches it.
 _BEYOND = 0.03
 #: Cosine of the angle by which a boundary that goes on may turn.
 _GOES_ON = 0.9
-#: Axes in space shorter than this part of the longest have no scale.
-_SHORT = 0.3
 #: Part of the vertices that the scale of colours holds in every frame: the rest are corners.
 _BRIGHT = 0.98
 
@@ -234,7 +229,7 @@ class PlanePicture(FilmPicture):
             from matplotlib.lines import Line2D
 
         places = self.places
-        self.length = _ARROW * self.size if self.strongest > 0.0 else 0.0
+        self.length = 0.16 * self.size if self.strongest > 0.0 else 0.0
         lines = self._foundation_lines()
         low, high = self._extent()
         width, height = high - low
@@ -342,7 +337,7 @@ class PlanePicture(FilmPicture):
         if self.arrows is not None:
             self.arrows.remove()
         if self.length and len(self.places):
-            places, step = frame.places + self.factor * frame.moved, max(1, len(self.places) // _MOST_ARROWS)
+            places, step = frame.places + self.factor * frame.moved, max(1, len(self.places) // 70)
             pulls = np.einsum("pd,pd->p", frame.force, self.normal) > 0.0
             scale = self.strongest / self.length
             self.arrows, _ = force_arrows(
@@ -371,7 +366,7 @@ class SolidPicture(FilmPicture):
         room = 0.94 - 0.3 / tall  # below a title
         facets, ends = self.mesh.boundary_facets, (self.low, self.low + extent)
         zoom = 1.5 if slender < 0.4 else 1.2
-        self.drawn = DrawnSurface(self.fig, (0.02, 0.06, 0.8, room), facets, ends, units[0], zoom, _SHORT)
+        self.drawn = DrawnSurface(self.fig, (0.02, 0.06, 0.8, room), facets, ends, units[0], zoom, 0.3)
         self.ax = self.drawn.ax
         if colour is not FilmColour.NONE:
             self._bar(self.drawn.surface, (0.85, 0.24, 0.022, 0.56))

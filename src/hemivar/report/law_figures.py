@@ -46,10 +46,6 @@ __all__ = [
 ]
 
 
-#: Slips, as parts of the largest one, under which the normal traction is drawn.
-_UNDER = (0.0, 0.4, 0.8)
-
-
 @expecting(law=Superpotential, point=int, reach=positive, title=str, unit=str, stress_unit=str)
 def plot_law(
     law: Superpotential,
@@ -280,7 +276,7 @@ def plot_mixed_mode(law: MixedMode, *, point: int = 0, reach: float | None = Non
     with drawing():
         fig = new_figure((8.4, 3.1), layout="constrained")
         opening, slipping, envelope = fig.subplots(1, 3)
-        for part, style in zip(_UNDER, ("-", "--", ":"), strict=True):
+        for part, style in zip((0.0, 0.4, 0.8), ("-", "--", ":"), strict=True):
             for panel, column, size in ((opening, 0, last / beta), (slipping, 1, last)):
                 r = np.zeros((rho.size, 2))
                 r[:, 0] = -rho if column == 0 else -part * size

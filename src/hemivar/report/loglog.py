@@ -48,10 +48,6 @@ __all__ = ["plot_adaptive", "plot_errors", "plot_history", "plot_study"]
 
 _CURVES = {"energy": "energy norm", "displacement": r"$L^2$ norm", "pressure": "contact pressure"}
 _MARKS = "os^DvP"
-#: Part of the bound of an adaptive solve from which a part of it is drawn.
-_LEAST = 0.02
-#: Factor on either side that is shown where there are no errors to be drawn.
-_DECADE = 10.0
 
 
 # ---- what they share -------------------------------------------------------------------------------------------
@@ -289,8 +285,8 @@ def plot_adaptive(
         ax.axhline(adaptive.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(adaptive.rtol)}")
         _log_axes(ax, "unknowns", "relative error")
         if not any(np.isfinite(line.get_ydata()).any() for line in ax.lines[:-1]):  # errors of zero, as without loads
-            ax.set_xlim(unknowns[0] / _DECADE, unknowns[-1] * _DECADE)
-            ax.set_ylim(adaptive.rtol / _DECADE, adaptive.rtol * _DECADE)
+            ax.set_xlim(unknowns[0] / 10.0, unknowns[-1] * 10.0)
+            ax.set_ylim(adaptive.rtol / 10.0, adaptive.rtol * 10.0)
         _slope(ax, unknowns, levels, 1.0 if goal is not None else 0.5)
         _scales(ax, unknowns)
         legend_beside(ax, labelspacing=0.8)
@@ -362,7 +358,7 @@ def _bounds(ax: Axes, unknowns: Array, levels: list[AdaptiveLevel]) -> None:
     for name, called, colour in parts:
         part = np.array([getattr(level.distance.parts, name) for level in levels])
         share = np.divide(part, size, out=np.full(len(part), np.nan), where=size > 0.0)
-        share[~(share > _LEAST * bound)] = np.nan
+        share[~(share > 0.02 * bound)] = np.nan
         if np.isfinite(share).any():
             ax.plot(unknowns, share, color=colour, ls=DASHES, lw=1.1, marker=".", ms=3.0, label=f"  part: {called}")
 

@@ -59,8 +59,9 @@ _LOST = (
 #: What was put in; work of thermal stress where there is heat.
 _GIVEN = ("work", "moved", "thermal")
 _OF_STEPS = ("time", "step", "residual", "margin", "largest_step", "jumped")
-#: Below this part of the largest energy an entry of the ledger is left out of the figure.
+#: Below this part of the largest energy an entry of the ledger is left out: it would be thinner than a line.
 _SEEN = 1e-4
+#: Columns that one figure shows, in panels of an inch and a half each: more are longer than a screen.
 _MOST_COLUMNS = 8
 _COLOURS = ["#f2f2f2", *(STATE_COLOURS[kind] for kind in KINDS[1:])]  # open first
 

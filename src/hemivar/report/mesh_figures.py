@@ -20,7 +20,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.report.certificate_line import FOOT, certificate_line, title_of, write_foot
 from hemivar.report.drawn_body import mesh_lines
 from hemivar.report.picture import new_figure
-from hemivar.report.style import MANY_CELLS, drawing, with_unit
+from hemivar.report.style import BESIDE, MANY_CELLS, drawing, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_meshes"]
 
-#: Meshes that are drawn, and how many of them stand side by side.
-_MOST, _BESIDE = 6, 3
+#: Meshes that are drawn.
+_MOST = 2 * BESIDE
 
 
 @expecting(adaptive=AdaptiveSolution, title=str, unit=str, certificate=Certificate)
@@ -63,7 +63,7 @@ def plot_meshes(
     title = title_of(adaptive.solution, title or (None if adaptive.goal is None else adaptive.goal.goal.name))
     from matplotlib.cm import ScalarMappable
 
-    columns = min(len(levels) + enlarged, _BESIDE)
+    columns = min(len(levels) + enlarged, BESIDE)
     rows = -(-(len(levels) + enlarged) // columns)
     extent = np.ptp(points, axis=0)
     shape = 0.95 if solid else float(np.clip(extent[1] / extent[0], 0.3, 1.6))

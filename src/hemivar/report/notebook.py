@@ -51,13 +51,12 @@ __all__ = ["frame_of", "html_of", "picture_of", "show", "table_of"]
 
 #: Larger bodies are shown without a picture, which would take longer than a reader waits.
 _MOST_CELLS = 10 * MANY_CELLS
-_MOST_FACETS = 5000
 #: Rows of a table.
 _MOST_ROWS = 20
+#: Dots per inch of figures beside tables: half a screen wide they are still sharp.
 _DPI = 76
 #: Unknowns up to which a certificate is computed to be shown, and the seconds that it may take.
-_MOST_CERTIFIED = 20_000
-_SECONDS = 2.0
+_MOST_CERTIFIED, _SECONDS = 20_000, 2.0
 
 #: Columns of an adaptive solve that are shown.
 _OF_A_MESH = ("unknowns", "cells", "energy", "relative_bound", "guaranteed", "seconds")
@@ -118,7 +117,7 @@ def _parts(value: object) -> _Shown:
 
 def _small(mesh: Mesh) -> bool:
     """Whether a picture of the body takes a moment only."""
-    return mesh.number_of_cells <= _MOST_CELLS and (mesh.dim == 2 or len(mesh.boundary_facets) <= _MOST_FACETS)
+    return mesh.number_of_cells <= _MOST_CELLS and (mesh.dim == 2 or len(mesh.boundary_facets) <= MANY_CELLS)
 
 
 def _rows(rows: Iterable[_Row]) -> Table:

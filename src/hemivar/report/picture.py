@@ -39,8 +39,7 @@ __all__ = [
 #: Dots per inch in a notebook.
 _DPI = 110
 #: Letters of a line of text that are drawn, and lines of a text.
-_LONGEST = 200
-_MOST_LINES = 50
+_LONGEST, _MOST_LINES = 200, 50
 #: Figures of the drawing that is under way.
 _MADE: ContextVar[list[Figure] | None] = ContextVar("made", default=None)
 #: Millimetres in an inch, and in the units that a width may have.
@@ -48,10 +47,6 @@ _INCH = 25.4
 _UNITS = {"mm": 1.0, "cm": 10.0, "in": _INCH, "pt": _INCH / 72.27}
 #: Widths and sizes of letters that make sense, in millimetres and points.
 _WIDTHS, _FONTS = (20.0, 500.0), (4.0, 24.0)
-#: How often the width is corrected by what is drawn.
-_FITS = 4
-#: The least part of their height that figures keep.
-_LEAST = 0.7
 #: Room for ticks and a name between axes and a legend below them, in letters.
 BELOW = 4.4
 #: Marks texts that are notes, which print leaves out.
@@ -178,7 +173,7 @@ class Print:
 
     def size(self, size: tuple[float, float]) -> tuple[float, float]:
         """The size of a figure in inches: this width, in proportion as far as letters leave room for it."""
-        return self.width, size[1] * max(self.width / size[0], _LEAST)
+        return self.width, size[1] * max(self.width / size[0], 0.7)
 
     def finish(self, figure: Figure) -> None:
         """Move or remove legends and notes, and correct the width by what is drawn."""
@@ -213,7 +208,7 @@ class Print:
 
     def _fit(self, figure: Figure) -> None:
         """Scale the figure until what is drawn, which is what is saved, has the width."""
-        for _ in range(_FITS):
+        for _ in range(4):
             figure.draw_without_rendering()
             drawn = figure.get_tightbbox().width + 0.1
             if abs(drawn - self.width) < 2e-3 * self.width:
@@ -300,10 +295,10 @@ def paper(
     if not _FONTS[0] <= font <= _FONTS[1]:
         raise ProblemError(f"font = {font:g}; give a size from {_FONTS[0]:g} to {_FONTS[1]:g} points")
     try:
-        place = Legend(legend)
+        legends = Legend(legend)
     except ValueError as error:
         raise ProblemError(f"legend = {quoted(legend)}; choose 'outside', 'inside' or 'none'") from error
-    token = _CURRENT.set(Print(inches, font, place, annotations))
+    token = _CURRENT.set(Print(inches, font, legends, annotations))
     try:
         yield
     finally:

@@ -37,10 +37,6 @@ __all__ = ["Arrows", "PlaneBody"]
 
 #: Points below axes that the names of their scales take.
 _BELOW = 36.0
-#: The part that bears is enlarged where it has so many points and is as small a part of the body; to that size.
-_FEW, _SMALL, _BESIDE = 5, 0.06, (1.7, 1.3)
-#: Least distance along the boundary, relative to the body, at which two marks, or two arrows, are told apart.
-_APART, _ARROWS_APART = 0.018, 0.022
 
 
 class Arrows(StrEnum):
@@ -157,7 +153,7 @@ class PlaneBody:
         return np.sort(np.concatenate(kept))
 
     def _states(self, ax: Axes) -> None:
-        places, shown = self.body.contact_places, self._apart(_APART)
+        places, shown = self.body.contact_places, self._apart(0.018)
         for kind, here, label in self.body.states():
             if here.any():  # one mark at least of each state that there is
                 at = shown[here[shown]] if here[shown].any() else np.flatnonzero(here)[:1]
@@ -173,7 +169,7 @@ class PlaneBody:
         along = solution.friction_vectors
         across = solution.tractions - along
         places = self.body.contact_places
-        shown = self._apart(_ARROWS_APART)
+        shown = self._apart(0.022)
         where = "the body" if self.boundaries == self.on_foundations else "the side with marks"
         sets = (
             [(f"force per area on {where}", across + along, RED)]
@@ -204,13 +200,13 @@ class PlaneBody:
             return bottom
         bears = np.linalg.norm(self.body.solution.multiplier, axis=1)
         places = self.body.contact_places[bears > 1e-9 * bears.max(initial=0.0)]
-        if len(places) < _FEW or (extent := float(np.ptp(places, axis=0).max())) > _SMALL * self.size:
+        if len(places) < 5 or (extent := float(np.ptp(places, axis=0).max())) > 0.06 * self.size:
             return bottom
         fig = figure_of(ax)
-        width, height = fig.get_size_inches()
+        (width, height), (wide, tall) = fig.get_size_inches(), (1.7, 1.3)
         left = ax.get_window_extent().transformed(fig.transFigure.inverted()).x1 + 0.5 / width
-        bottom -= (0.35 + _BESIDE[1]) / height
-        inset = fig.add_axes((left, bottom, _BESIDE[0] / width, _BESIDE[1] / height))
+        bottom -= (0.35 + tall) / height
+        inset = fig.add_axes((left, bottom, wide / width, tall / height))
         part = copy.copy(self)
         part.size, part.handles, part.keys = 2.0 * extent, [], []
         for line in self.outline:
@@ -221,8 +217,8 @@ class PlaneBody:
         for artist in inset.lines:
             artist.set_clip_on(True)
         middle, half = 0.5 * (places.min(axis=0) + places.max(axis=0)), 0.75 * extent
-        low = middle[1] - half * _BESIDE[1] / _BESIDE[0] - 0.5 * longest
-        inset.set(xlim=(middle[0] - half, middle[0] + half), ylim=(low, low + 2.0 * half * _BESIDE[1] / _BESIDE[0]))
+        low = middle[1] - half * tall / wide - 0.5 * longest
+        inset.set(xlim=(middle[0] - half, middle[0] + half), ylim=(low, low + 2.0 * half * tall / wide))
         inset.locator_params(nbins=3)
         inset.tick_params(labelsize=6.5)
         inset.set_title("the part that bears", fontsize=7.0, pad=3.0)

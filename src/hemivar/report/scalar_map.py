@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["area_maps", "plot_scalar"]
 
-_LEVELS = 10
-
 
 def plot_scalar(
     solution: Solution,
@@ -65,7 +63,7 @@ def plot_scalar(
     name = field.name if stated is None else named[str(stated.kind)]
     bar.set_label(with_unit(name, "" if stated is not None and stated.thermal else unit))
     if np.ptp(values) > 1e-12 * np.abs(values).max(initial=0.0):
-        ax.tricontour(grid, values, _LEVELS, colors="white", linewidths=0.5, alpha=0.8, linestyles="solid")
+        ax.tricontour(grid, values, 10, colors="white", linewidths=0.5, alpha=0.8, linestyles="solid")
     for edge in polylines(mesh.boundary_facets):
         ax.plot(*mesh.points[edge].T, color="black", lw=0.9, zorder=3)
     handles: list[Artist] = []

@@ -18,7 +18,7 @@ from hemivar.report.contact_curves import plot_contact
 from hemivar.report.deformed import BodyColour, DeformedBody
 from hemivar.report.law_figures import draw_graph
 from hemivar.report.picture import new_figure, png
-from hemivar.report.style import MARKERS, STYLE, drawing, in_rows, state_mark, with_unit
+from hemivar.report.style import BESIDE, MARKERS, STYLE, drawing, in_rows, state_mark, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -27,11 +27,10 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_PICTURES", "common_scale", "plot_solutions"]
 
-#: Solutions that are drawn, those of least energy, and how many stand side by side.
-MOST_PICTURES = 12
-_BESIDE = 3
+#: Solutions that are drawn, those of least energy.
+MOST_PICTURES = 4 * BESIDE
 #: Up to so many the law is drawn below each.
-_MOST_LAWS = 6
+_MOST_LAWS = 2 * BESIDE
 
 
 def plot_solutions(
@@ -66,7 +65,7 @@ def plot_solutions(
         raise ProblemError("no solution was found that could be drawn; search from more starts")
     shown, scale = solutions[:MOST_PICTURES], common_scale(solutions)
     curve = _LawCurve.of(solutions) if len(shown) <= _MOST_LAWS else None
-    columns = min(len(shown), _BESIDE)
+    columns = min(len(shown), BESIDE)
     rows = -(-len(shown) // columns)
     high, low = 2.7, 0.0 if curve is None else 1.5
     largest = max(float(np.linalg.norm(one.multiplier, axis=1).max(initial=0.0)) for one in shown) or None

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 __all__ = [
+    "BESIDE",
     "BLUE",
     "DASHES",
     "GREEN",
     "GREY",
     "LINES",
     "MANY_CELLS",
-    "MANY_FACETS",
     "MARKERS",
     "ORANGE",
     "PURPLE",
@@ -56,10 +56,10 @@ SERIES = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 LINES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 #: What is at rest.
 DASHES = (0, (4, 3))
-#: Up to so many cells they are drawn each.
+#: Up to so many cells, or facets of a surface, each is drawn; more are rasterised, without lines between them.
 MANY_CELLS = 5000
-#: From so many facets on a surface is drawn without lines between them, and rasterised.
-MANY_FACETS = 4000
+#: Pictures of a body side by side in one figure: with more, letters would no longer fit between them.
+BESIDE = 3
 
 #: Colours of both states of a point, for free, stick and slip: flat maps tell all of them apart.
 _COLOURS = {

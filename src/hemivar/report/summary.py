@@ -21,7 +21,6 @@ from hemivar.solvers.contact_states import state_words
 
 __all__ = ["Summary", "contact_rows", "extreme_rows", "seen_local", "summary_of"]
 
-_WIDTH = 18
 #: Supports whose forces are shown.
 _SUPPORTS = 6
 #: Part of all forces on a body up to which a force is rounding, and shown as zero.
@@ -48,7 +47,7 @@ class Summary:
 
     def lines(self) -> Iterator[str]:
         """The lines as the command prints them."""
-        return (f"{name:<{_WIDTH}}{value}" for name, value in self.rows)
+        return (f"{name:<18}{value}" for name, value in self.rows)
 
     def _repr_html_(self) -> str:
         rows = (f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in self.rows)

@@ -1,4 +1,4 @@
-"""The margin and the number of solutions over parameters."""
+"""Parameter studies in figures: the margin and the number of solutions over parameters."""
 
 from __future__ import annotations
 

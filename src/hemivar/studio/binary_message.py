@@ -13,7 +13,6 @@ from hemivar.basics.types import AnyArray
 
 __all__ = ["Message", "unpacked"]
 
-_ALIGNED = 4
 #: Types of numbers that go to a page, little endian.
 _TYPES = {"f": "<f4", "i": "<u4", "u": "<u4", "b": "<f4"}
 
@@ -46,7 +45,7 @@ class Message:
         """One run of bytes: the length of the head (uint32), the head, blanks up to a multiple of 4, the arrays."""
         head, parts = self.buffers()
         text = json.dumps(head, allow_nan=False).encode()
-        text += b" " * (-len(text) % _ALIGNED)
+        text += b" " * (-len(text) % 4)
         return struct.pack("<I", len(text)) + text + b"".join(parts)
 
 

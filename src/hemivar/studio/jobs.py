@@ -67,6 +67,7 @@ MOST_UNKNOWNS = 200_000
 MOST_CELLS = 400_000
 #: Seconds that a search, a path or an evolution may take.
 _SECONDS = 120.0
+#: Points of a path, solutions of a search, frames of an evolution and values of a sweep that a page shows.
 _MOST_POINTS, _MOST_SOLUTIONS, _FRAMES, _VALUES = 1500, 12, 120, 41
 
 #: Whether a newer request is there.

@@ -13,11 +13,6 @@ from hemivar.laws import ContactLaw, CoulombBound, Friction, Superpotential
 
 __all__ = ["LawCurve", "curves_of"]
 
-#: Places on each piece of a law.
-_PLACES = 60
-#: Contact points that are drawn on a law.
-_MOST_POINTS = 200
-
 #: What a page draws of one law, as JSON.
 LawCurve = dict[str, object]
 
@@ -112,7 +107,7 @@ def _without_curve(boundary: str, name: str) -> LawCurve:
 def _curve(law: Superpotential, r: Array, traction: Array, same: BoolArray) -> LawCurve:
     largest = float(np.abs(r).max())
     shown = np.flatnonzero(np.broadcast_to(same, r.shape))
-    shown = shown[:: max(1, -(-len(shown) // _MOST_POINTS))]
+    shown = shown[:: max(1, -(-len(shown) // 200))]
     description = law.describe()
     knots = [knot for knot in description.knots if math.isfinite(knot)]
     reach = max([1.6 * abs(knot) for knot in knots] + [1.2 * largest]) or 1.0
@@ -122,7 +117,7 @@ def _curve(law: Superpotential, r: Array, traction: Array, same: BoolArray) -> L
     for start, end in itertools.pairwise(ends):
         if end > start:
             hair = 1e-9 * (end - start)
-            places = np.linspace(start + hair, end - hair, _PLACES)
+            places = np.linspace(start + hair, end - hair, 60)
             pieces.append([places.tolist(), law.derivative(places).tolist()])
     jumps = [[kink.place, kink.left, kink.right] for kink in description.kinks if low <= kink.place <= high]
     return {

@@ -16,7 +16,6 @@ __all__ = ["KINDS_OF_REQUEST", "MOST_CHARACTERS", "Request", "read_request", "re
 KINDS_OF_REQUEST = ("solve", "solutions", "path", "point", "energies", "cancel")
 #: Characters of a message from a page.
 MOST_CHARACTERS = 2**20
-_LARGEST = 2**53
 
 
 @dataclass(frozen=True)
@@ -101,6 +100,8 @@ def _real(data: Mapping[str, object], name: str, usual: float) -> float:
 
 def _whole(data: Mapping[str, object], name: str, usual: int | None) -> int:
     value = data.get(name, usual)
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < _LARGEST:
+    if (
+        isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**53
+    ):  # to which numbers of a page are whole
         raise ProblemError(f"{name} must be a whole number of at least 0")
     return value

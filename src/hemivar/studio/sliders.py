@@ -23,6 +23,7 @@ _CELLS_IN_SPACE = 24
 #: Numbers that must be greater than zero, or stay within bounds.
 _POSITIVE = ("young", "rectangle", "box", "scale", "density", "until", "step", "radius")
 _BOUNDED = {"poisson": (0.0, 0.49)}
+#: Entries of a list that have a slider each.
 _LISTS_SHOWN = 24
 #: What numbers are that no law has, by the key of theirs.
 _KINDS = {

@@ -35,6 +35,7 @@ __all__ = ["STATIC", "StudioPage", "application", "bind", "hello", "refuse_missi
 STATIC = Path(__file__).parent / "static"
 #: Only this machine reaches the server.
 _HOST = "127.0.0.1"
+#: Letters of a token: 16 of 64 kinds are 96 bits, which nobody guesses.
 _LEAST_TOKEN = 16
 #: Pages that may be open at a time: each has a thread.
 _MOST_PAGES = 8
@@ -162,7 +163,7 @@ async def _attend(socket: WebSocket, page: StudioPage, workspace: Workspace, ope
         with contextlib.suppress(RuntimeError):  # the loop is gone
             loop.call_soon_threadsafe(waiting.put_nowait, message)
 
-    async def hand_on() -> None:
+    async def forward() -> None:
         while True:
             message = await waiting.get()
             if int(str(message.head["generation"])) >= newest:
@@ -170,7 +171,7 @@ async def _attend(socket: WebSocket, page: StudioPage, workspace: Workspace, ope
 
     desk = Desk(Bench(page.folder, workspace, page.text, page.code), send)
     open_pages.add(desk)
-    sender = asyncio.create_task(hand_on())
+    sender = asyncio.create_task(forward())
     try:
         await socket.send_bytes(hello(page.text, page.name).packed())
         while True:

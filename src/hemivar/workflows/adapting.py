@@ -1,4 +1,4 @@
-"""Solve a problem on meshes that adapt to it, until its error is known to be small."""
+"""Adaptive refinement: solve a problem on meshes that adapt to it, until its error is known to be small."""
 
 from __future__ import annotations
 

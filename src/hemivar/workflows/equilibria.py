@@ -1,4 +1,4 @@
-"""All solutions of a problem, the path of its equilibria while the load grows, and the load that it carries."""
+"""All solutions of a problem, the path of its equilibria while the load grows, and the limit load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a use case tells of while it works."""
+"""Events (progress) that a use case yields while it works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A problem that a function makes for each level of refinement: what is measured on it, errors and orders."""
+"""A convergence study: a problem that a function makes for each level, what is measured on it, errors and orders."""
 
 from __future__ import annotations
 

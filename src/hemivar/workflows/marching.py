@@ -1,4 +1,4 @@
-"""Compute an evolution, telling of every step."""
+"""Time integration: compute an evolution, with an event for every step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One problem on meshes that are halved: errors against an exact solution or the finest mesh, and their orders."""
+"""Mesh convergence: errors on halved meshes against an exact solution or the finest mesh, and their orders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One problem for many values of its parameters: how many solutions there are, and the margin."""
+"""A parameter sweep: one problem for many values of its parameters: how many solutions there are, and the margin."""
 
 from __future__ import annotations
 
@@ -42,8 +42,6 @@ __all__ = ["Sweep", "SweepAxis", "SweepEvent", "SweepOptions", "read_axis", "swe
 _MOST_POINTS = 1_000_000
 #: Seconds of work that it takes other processes to begin.
 _BEGIN = 1.0
-#: Digits of the values of a range.
-_DIGITS = 12
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d{{1,18}})(:log)?\s*")
 
@@ -116,7 +114,7 @@ def read_axis(text: str) -> SweepAxis | Change:
     if count > _MOST_POINTS:
         raise ProblemError(f"--set {text}: a sweep has at most {_MOST_POINTS} points")
     between = np.geomspace(low, high, count) if limits[4] else np.linspace(low, high, count)
-    values = [float(f"{value:.{_DIGITS}g}") for value in between]
+    values = [float(f"{value:.12g}") for value in between]
     whole = all(re.fullmatch(r"[-+]?\d+", end) for end in limits.groups()[:2]) and all(v.is_integer() for v in values)
     return SweepAxis(key, tuple(int(v) for v in values) if whole else tuple(values))
 
