@@ -1,11 +1,13 @@
-"""What a load path costs in space, in linear solves a point.
+"""What a load path costs in space, in linear solves a point, and what a search for solutions costs.
 
     OMP_NUM_THREADS=1 python benchmarks/paths.py
     OMP_NUM_THREADS=1 python benchmarks/paths.py --sizes 8 16 --points 40 --json rows.json
+    OMP_NUM_THREADS=1 python benchmarks/paths.py --search
 
 The survey's cube, its load growing from zero.  ``linear_s`` is the body without its contact, levels ready, to 1e-8;
 ``point_ms`` is the path by the number of its points; ``solves`` is the second over the first.  The body is condensed
-before.  Seconds are those of the processor.
+before.  ``--search`` is ``find_solutions`` on a square with five contact points and laws of friction that depend on the
+solution or couple.  Seconds are those of the processor.
 """
 
 from __future__ import annotations
@@ -24,6 +26,13 @@ from hemivar.systems.body_on_levels import levels_of
 STATEMENTS = {
     "survey": lambda n: gallery.survey_cube("5.1", n),
     "weakening": lambda n: gallery.survey_cube_logarithmic(0.3, n),
+}
+SOFTENING = hv.Softening(60.0, 0.02, 16.0)
+FOAM = hv.FormulaLaw("piecewise((0, r < 0), (0.05*(1 - (1 + r/0.02)*exp(-r/0.02)), True))")
+SEARCHED = {
+    "softening, friction by a formula": (SOFTENING, hv.laws.Friction(0.02, hv.FormulaLaw("r/(1 + 40*r)", even=True))),
+    "softening, Coulomb": (SOFTENING, hv.Coulomb(0.3)),
+    "foam, Coulomb": (FOAM, hv.Coulomb(0.3)),
 }
 
 
@@ -53,13 +62,32 @@ def measure(law: str, n: int, points: int) -> dict[str, Any]:
     }
 
 
+def searched(name: str) -> dict[str, Any]:
+    """The search on five contact points."""
+    normal, friction = SEARCHED[name]
+    problem = hv.discretize(
+        hv.ContactProblem(
+            mesh=hv.rectangle((1.0, 1.0), 4),
+            material=hv.Material.lame(4.0, 4.0),
+            supports={"top": hv.Fixed(y=-0.07), "right": hv.Roller()},
+            contact={"bottom": hv.Contact(normal, friction)},
+            body_force=(0.5, -1.0),
+        )
+    )
+    began = time.process_time()
+    found = hv.find_solutions(problem)
+    return {"law": name, "solutions": len(found), "starts": found.starts, "seconds": time.process_time() - began}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", type=int, nargs="+", default=[8], help="cells along a side")
     parser.add_argument("--points", type=int, default=1000, help="points of a path at most")
     parser.add_argument("--json", type=Path, default=None, help="also write the rows to this file")
+    parser.add_argument("--search", action="store_true", help="the search for solutions instead")
     options = parser.parse_args()
-    show([measure(law, n, options.points) for n in options.sizes for law in STATEMENTS], options.json)
+    paths = [] if options.search else [measure(law, n, options.points) for n in options.sizes for law in STATEMENTS]
+    show(paths or [searched(name) for name in SEARCHED], options.json)
 
 
 if __name__ == "__main__":

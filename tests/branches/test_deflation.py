@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from hemivar.basics.deadline import Budget
 from hemivar.branches.search import SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.laws import Friction, PenetrationBound, Superpotential
-from hemivar.solvers import Controls
+from hemivar.solvers import Controls, NonsmoothNewton, Status
 from hemivar.systems.chain import Chain, chain_of
 
 
@@ -70,3 +72,23 @@ def test_what_one_start_finds_is_deflated_for_the_others(monkeypatch: pytest.Mon
     assert len(found) > 1
     by_hand = np.array([0.5 * 0.45 / 2.5, (0.5 * 0.45 - 0.29) / (0.5 - 0.9), 0.45])
     assert np.abs(found[:, None] - by_hand).min(axis=1).max() < 1e-9
+
+
+def test_a_start_that_is_lost_is_not_solved_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A solve that ends without an equilibrium at a rough tolerance has none at a finer one."""
+    tolerances = list[float]()
+
+    def lost(problem: hv.DiscreteProblem, solver: object, controls: Controls, **kept: object) -> hv.Solution:
+        tolerances.append(controls.rtol)
+        return replace(hv.solve(problem), status=Status.NOT_CARRIED)
+
+    law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
+    spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
+    kept = hv.systems.Workspace()
+    system = kept.condensed(spring)
+    random, budget = np.random.default_rng(0), Budget(np.inf)
+    search = SolutionSearch(system, kept, chain_of(system), Controls(), 100, random, budget)
+    monkeypatch.setattr("hemivar.branches.search.solve", lost)
+    search.run(NonsmoothNewton(), np.zeros((1, 1)))
+    assert len(tolerances) == 1
+    assert not search.found

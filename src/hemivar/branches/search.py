@@ -262,7 +262,8 @@ class SolutionSearch:
     def run(self, solver: Solver, r: Array | None = None) -> None:
         """Solve from a point, or from where the method begins, and keep what is new.
 
-        From a point roughly at first: Newton's method on the pieces and kinks of what it ends at makes that exact.
+        From a point roughly at first: Newton's method on the pieces and kinks of what it ends at makes that exact, and
+        a start that is lost already is not solved once more.
         """
         self.starts += 1
         initial: Array | Solution | None = None
@@ -270,7 +271,7 @@ class SolutionSearch:
             initial = self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
             if self.chain is not None:
                 initial = self._solved(solver, initial, _ROUGH)
-                if self._on_its_pieces(initial) is not None:
+                if initial.status is not Status.CONVERGED or self._on_its_pieces(initial) is not None:
                     self.add_solution(initial)
                     return
         self.add_solution(self._solved(solver, initial, self.controls.rtol))
