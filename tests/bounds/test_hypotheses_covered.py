@@ -90,6 +90,7 @@ ROWS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "nonlinear material, quadratic elements": (lambda: hencky_body(order=2), ""),
     "body of revolution": (lambda: block(material=hv.Material.young(1e3, 0.3, plane="axisymmetric")), ""),
     "bedding": (of("bedded"), "bedded"),
+    "initial stress or strain": (lambda: block(initial_strain=1e-4), ""),
     "one component: membrane, antiplane shear": (of("antiplane"), "antiplane"),
     "form of scikit-fem: quadrilaterals, hexahedra": (of("form"), "form"),
     "arrays": (of("arrays"), "arrays"),

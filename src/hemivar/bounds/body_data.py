@@ -315,6 +315,11 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
         raise ProblemError("in 3D admissible stresses are made of linear elements; use order = 1")
     if callable(problem.bedding) or problem.bedding:
         raise ProblemError("admissible stresses are made of bodies without bedding; leave the bedding out")
+    if problem.initially_stressed:
+        raise ProblemError(
+            "admissible stresses are made of bodies without initial stress or strain; leave it out, or compare with a "
+            "finer mesh"
+        )
     u = real_array(displacement, "the displacement")
     count = mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0)
     if u.shape != (count, mesh.dim):

@@ -12,6 +12,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, scaled_gradients, shape_derivatives
+from hemivar.fem.initial_stress import initial_stress
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.rings import hoop_strain
 from hemivar.mechanics.statement import ContactProblem, expect_body
@@ -58,7 +59,7 @@ def strain(source: FieldSource | Mesh, displacement: Array) -> Array:
 def stress(source: ContactProblem, displacement: Array) -> Array:
     """Stress in the plane (2D) or in space of each cell (at the centroid for order 2).
 
-    ``C eps(u)`` where the material is linear.
+    ``C eps(u)`` where the material is linear, beside the stress that the body has at the start.
 
     Parameters
     ----------
@@ -78,6 +79,8 @@ def _stress_rows(source: ContactProblem, displacement: Array) -> Array:
     """The same in the order of the elasticity matrix, shape (M, v)."""
     points, masks = _centroids(source.mesh), region_masks(source.mesh)
     rows = source.material.stress(points, source.kinematics.strain(strain(source, displacement)), masks)
+    if source.initially_stressed:
+        rows = rows + initial_stress(source, points, masks)[0]
     if not source.kinematics.ring:
         return rows
     around = hoop_strain(source.mesh, source.order, displacement)
@@ -88,6 +91,8 @@ def out_of_plane_stress(source: ContactProblem, displacement: Array) -> Array:
     """The stress across the plane in the middle of each cell, of axial symmetry that around the axis; shape (M,)."""
     points, masks = _centroids(source.mesh), region_masks(source.mesh)
     across = source.material.out_of_plane_stress(points, strain(source, displacement), masks)
+    if source.initially_stressed:
+        across = across + initial_stress(source, points, masks)[1]
     if not source.kinematics.ring:
         return across
     return across + source.material.hoop_row(points, masks)[:, 3] * hoop_strain(source.mesh, source.order, displacement)

@@ -84,12 +84,14 @@ class LoadLine:
             return cls(problem)
         _check_loads(stated, constant)
         moves = any(_at_rest(support, stated.mesh.dim) is not support for support in stated.supports.values())
-        if not (moves or constant):
+        stays = bool(constant) or stated.initially_stressed
+        if not (moves or stays):
             return cls(problem)
         rest = discretize(_unloaded(stated, constant), check_coercivity=False)
-        if not (moves and constant):
+        if not (moves and stays):
             return cls(problem, rest)
-        grown = discretize(_with_loads(stated, _loads(stated) - set(constant)), check_coercivity=False)
+        growing = replace(stated, initial_stress=0.0, initial_strain=0.0)
+        grown = discretize(_with_loads(growing, _loads(stated) - set(constant)), check_coercivity=False)
         return cls(problem, rest, _stored(problem) - _stored(rest) - _stored(grown))
 
     def check_grows(self) -> None:

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
+from hemivar.fem.initial_stress import stress_across
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mechanics.per_volume import at_place
@@ -29,15 +30,10 @@ def stress_per_degree(problem: ContactProblem, heat: Heat, points: Array, region
     if heat.expansion is None:
         return np.zeros((len(points), dim, dim))
     expansion = at_place(heat.expansion, "expansion", points, regions)
-    material, voigt = problem.material, voigt_index(dim)
-    stress = material.stiffness_tensor(points, regions)[:, :, :dim].sum(axis=2)
-    if dim == 2:  # sigma_zz is linear in the strain, and C symmetric
-        for k in range(stress.shape[1]):
-            unit = np.zeros((len(points), dim, dim))
-            i, j = np.argwhere(voigt == k)[0]
-            unit[:, i, j] = unit[:, j, i] = 1.0 if i == j else 0.5
-            stress = stress + np.eye(stress.shape[1])[k] * material.out_of_plane_stress(points, unit, regions)[:, None]
-    return np.asarray(expansion[:, None, None] * stress[:, voigt])
+    stress = problem.material.stiffness_tensor(points, regions)[:, :, :dim].sum(axis=2)
+    if dim == 2:
+        stress = stress + stress_across(problem.material, points, regions)
+    return np.asarray(expansion[:, None, None] * stress[:, voigt_index(dim)])
 
 
 def thermal_matrix(problem: ContactProblem, heat: Heat) -> sp.csr_array:

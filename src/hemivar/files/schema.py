@@ -193,7 +193,8 @@ def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> obje
         case Form.VECTOR:
             return table.vector(key, value, dim, timed=stated.timed)
         case Form.TENSOR if isinstance(value, list):
-            return _square(table, key, dim, dim, f"a number, a formula, or {dim} lists of {dim} of these")
+            what = f"a number, a formula, or {dim} lists of {dim} of these"
+            return _square(table, key, dim, dim, what, stated.timed)
         case Form.MATRIX:
             size = dim * (dim + 1) // 2
             what = f"{size} lists of {size} numbers or formulas, the rows of the {stated.says} matrix"
@@ -209,9 +210,9 @@ def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> obje
     return quantity
 
 
-def _square(table: TomlTable, key: str, dim: int, size: int, what: str) -> object:
+def _square(table: TomlTable, key: str, dim: int, size: int, what: str, timed: bool = False) -> object:
     rows = [table.items(key, row, (size,), what) for row in table.items(key, table.data[key], (size,), what)]
-    return array([table.quantity(key, entry, dim) for row in rows for entry in row], (size, size))
+    return array([table.quantity(key, entry, dim, timed=timed) for row in rows for entry in row], (size, size))
 
 
 def _within(table: TomlTable, key: str, number: float, stated: Stated) -> float:
@@ -250,6 +251,8 @@ def written(value: object, form: Form, where: str) -> object:
         case Form.TENSOR:
             if isinstance(value, GradientEnergy):
                 raise not_expressible(where, f"a {type(value).__name__}", "a number, a formula or a tensor")
+            if np.ndim(value) in (1, 3):  # type: ignore[arg-type]
+                raise not_expressible(where, "a value for each cell", "a number, a formula or a tensor")
             if isinstance(value, Formula) or (not callable(value) and np.ndim(value) == 0):  # type: ignore[arg-type]
                 return quantity_record(value, where)
             return _rows(value, where)

@@ -95,6 +95,12 @@ class ByRegion(Material):
             result[mask] = self.parts[name].out_of_plane_stress(points[mask], strain[mask], inner)
         return result
 
+    def stiffness_across(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.empty(len(points))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].stiffness_across(points[mask], inner)
+        return result
+
     @property
     def linear(self) -> bool:
         return all(part.linear for part in self.parts.values())

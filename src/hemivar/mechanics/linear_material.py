@@ -79,6 +79,10 @@ class Isotropic(MaterialOfConstants):
             return np.zeros(len(points))
         return np.asarray(self.lame_constants(points)[0] * (strain[:, 0, 0] + strain[:, 1, 1]))
 
+    def stiffness_across(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        lam, mu = self.lame_constants(points)
+        return np.asarray(0.0 * lam if self._in_plane_stress else lam + 2.0 * mu)
+
 
 @known_fields
 @dataclass(frozen=True, eq=False)
@@ -186,6 +190,9 @@ class Anisotropic(SingleMaterial):
             return np.zeros(len(points))
         row = self.out_of_plane
         return np.asarray(row[0] * strain[:, 0, 0] + row[1] * strain[:, 1, 1] + 2 * row[2] * strain[:, 0, 1])
+
+    def stiffness_across(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return np.full(len(points), 0.0 if self.out_of_plane is None else np.nan)
 
 
 def _check_matrices(matrices: Array, points: Array, where: str | None) -> None:

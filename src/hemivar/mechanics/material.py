@@ -363,6 +363,10 @@ class Material(PickleMixin):
         """The stress ``sigma_zz`` of a plane model, shape (k,), at points with strains of shape (k, 2, 2)."""
         raise NotImplementedError
 
+    def stiffness_across(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """``sigma_zz`` of a plane model for a unit strain across the plane alone, shape (k,); nan if not known."""
+        raise NotImplementedError
+
     # ---- the stored energy ----------------------------------------------------------------------------------
 
     @property

@@ -38,6 +38,7 @@ from hemivar.mechanics.conditions import (
     stated_values,
 )
 from hemivar.mechanics.foundation import Contact, Side
+from hemivar.mechanics.initial_stress import InitialField, checked_field, field_at, field_depends_on_time
 from hemivar.mechanics.instants import depends_on_time, error_context
 from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
@@ -52,6 +53,8 @@ __all__ = ["AREA", "ContactProblem", "Quadrature", "expect_body", "refuse_areas"
 
 #: What contact over the whole mesh is called.
 AREA = "area"
+#: What a body has before anything moves.
+INITIAL = ("initial_stress", "initial_strain")
 #: How many times softer a body is that has the contact points though its mesh is coarser.
 _MUCH_STIFFER = 4.0
 #: What scalar problems had, and where it stands.
@@ -108,6 +111,14 @@ class ContactProblem(PickleMixin, ReprMixin):
         Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
     tractions : mapping of boundary name to vector, callable or Pressure
         Force per area.
+    initial_stress : float, array, callable or mapping of region to these
+        Stress of the body before anything moves, tension positive: a number, alike in all directions (a pore pressure
+        p is ``-b*p``), a symmetric tensor (d, d), or one of these for each cell, (M,) or (M, d, d); a callable gets
+        points, shape (k, d), and returns (k,) or (k, d, d). Regions that a mapping leaves out have none. On a load path
+        it stays as it is.
+    initial_strain : float, array, callable or mapping of region to these
+        Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
+        Linear materials.
     title : str
     order : int, optional
         Polynomial degree of the elements, 1 or 2.
@@ -164,6 +175,23 @@ class ContactProblem(PickleMixin, ReprMixin):
             Form.VECTOR, "force per area of boundary, by name: `traction = { top = [0.0, -2.0] }` *(f, t)*",
             key="traction", timed=True, by="boundary", table="loads",
         ) | stated_of_one(Form.QUANTITY, key="flux", timed=True, by="boundary", table="loads"),
+    )  # fmt: skip
+    initial_stress: InitialField = field(
+        default=0.0,
+        metadata=stated(
+            Form.TENSOR,
+            "stress of the body before anything moves, tension positive: a number, d lists of d numbers, or "
+            "`{ REGION = ... }` *(f, t)*",
+            key="stress", timed=True, by="region", table="loads",
+        ),
+    )  # fmt: skip
+    initial_strain: InitialField = field(
+        default=0.0,
+        metadata=stated(
+            Form.TENSOR,
+            "strain of the body without stress, such as `alpha dT` of heat: as `stress`, of linear materials *(f, t)*",
+            key="strain", timed=True, by="region", table="loads",
+        ),
     )  # fmt: skip
     title: str = ""
     order: int = field(
@@ -307,7 +335,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         parts = {part for contact in self.contact.values() for part in contact.time_dependent}
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
         prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
-        parts |= {"load"} if any(map(depends_on_time, loads)) else set()
+        initial = any(field_depends_on_time(getattr(self, name)) for name in INITIAL)
+        parts |= {"load"} if initial or any(map(depends_on_time, loads)) else set()
         return frozenset(parts | ({"supports"} if any(map(depends_on_time, prescribed)) else set()))
 
     def at_time(self, t: float) -> ContactProblem:
@@ -330,6 +359,8 @@ class ContactProblem(PickleMixin, ReprMixin):
 
         bound.__dict__.pop("time_dependent", None)
         put("body_force", condition_at_time(self.body_force, t))
+        for name in INITIAL:
+            put(name, field_at(getattr(self, name), t))
         put("contact", MappingProxyType({name: one.at_time(t) for name, one in self.contact.items()}))
         for name in ("supports", "tractions"):
             parts = {key: condition_at_time(one, t) for key, one in getattr(self, name).items()}
@@ -460,6 +491,18 @@ class ContactProblem(PickleMixin, ReprMixin):
             "bedding": checked_quantity(self.bedding, "bedding"),
         }.items():
             object.__setattr__(self, name, value)
+        for name in INITIAL:
+            object.__setattr__(self, name, checked_field(getattr(self, name), name, self.mesh, self.kinematics.ring))
+        if self.initially_stressed and (self.kind or self.stiffening):
+            what = "one component" if self.kind else "stiffening"
+            raise ProblemError(f"initial stress and strain are for bodies, not with {what}; leave one of the two out")
+        if not _is_zero(self.initial_strain) and not self.material.linear:
+            raise ProblemError("initial_strain is for linear materials; give the initial_stress that it makes")
+
+    @property
+    def initially_stressed(self) -> bool:
+        """Whether the body has a stress, or a strain without stress, before anything moves."""
+        return not all(_is_zero(getattr(self, name)) for name in INITIAL)
 
     def _plain(self, name: str, value: object) -> VectorData | ScalarData:
         """A load as plain data of as many components as the field has."""
@@ -620,6 +663,10 @@ def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
     if body.kind:
         raise ProblemError(f"{what} is a ScalarProblem; {remedy}")
     return body
+
+
+def _is_zero(value: InitialField) -> bool:
+    return isinstance(value, float) and value == 0.0
 
 
 def beyond_stiffening(problem: ContactProblem) -> str:

@@ -212,6 +212,8 @@ def _check_suited(problem: ContactProblem) -> None:
         raise MethodError("the engine 'petsc' needs quadrature = \"nodal\", or leave --engine out")
     if problem.stiffening:
         raise MethodError("the engine 'petsc' has no stress stiffening; leave --engine out")
+    if problem.initially_stressed:
+        raise MethodError("the engine 'petsc' has no initial stress or strain; leave --engine out")
     if problem.kinematics.ring:
         raise MethodError("the engine 'petsc' has no bodies of revolution; leave --engine out")
     for name, contact in problem.contact.items():
