@@ -266,7 +266,7 @@ def finding(
             "combinations of pieces and kinks; there may be more"
         )
     if constants is not None and constants.sampled and constants.margin > 0.0:
-        doubt = problem.law.alpha_doubt
+        doubt = problem.law.proof("alpha").doubt
         why = f"alpha is {doubt}" if "reach" in doubt else "rests on sampled constants"
         searched += f"; the margin {constants.margin:.3g} is positive, but {why}"
     if search.full:
@@ -319,7 +319,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
         return SolutionSet(search.sorted(), False, chain.combinations, 0, searched, search.interrupted)
     undecided = search.left_out + points.undecided
     law = search.system.law
-    sampled = law.constants_sampled
+    sampled = not (law.proof("alpha").sure and law.proof("growth").sure)
     limit = search.system.problem.limit
     complete = not (points.continuum or search.full_and_more or undecided or sampled or limit)
     searched = f"all {count} of pieces and kinks were tried"
@@ -341,7 +341,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
 
 def _affine(chain: Chain) -> bool:
     law = chain.system.law
-    if law.alpha_sampled:
+    if not law.proof("alpha").sure:
         return False  # that its pieces are straight, and all of them, was only seen at samples
     used = np.arange(chain.kink.shape[1])[None, :] < chain.count[:, None]
     return bool((chain.affine | chain.kink)[used].all())

@@ -71,7 +71,7 @@ def lay_out(law: Superpotential) -> LaidOut | None:
     if law.searched or not rows or not (law.straight or formula):
         return None
     domain, (left, right), knots = law.domain, law.knot_slopes(), law.knots
-    alpha = np.inf if law.alpha_sampled and not law.convex else law.weak_convexity
+    alpha = law.weak_convexity if law.convex or law.proof("alpha").sure else np.inf
     parts = [
         *(np.broadcast_to(end, (rows,))[:, None] for end in (domain.lower, domain.upper, alpha)),
         np.stack([np.broadcast_to(part, knots.shape) for part in (knots, left, right)], axis=-1).reshape(rows, -1),

@@ -18,6 +18,7 @@ from hemivar.laws.crossings import Crossings, crossings, length_places, level_pl
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.laws.proof import Constant, Proof
 from hemivar.laws.scalar_graph import is_continuous, local_minimiser, nearest_knot, one_sided, radial_sides, steepest
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
@@ -299,21 +300,20 @@ class ContactLaw(NormalAndFriction):
             return rate
         return rate + self._sure_friction.recession(lengths(direction[:, 1:]))
 
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        slip = self.friction.profile if self.state_dependent else self.tangential
-        normal, tangential = (
-            law.weak_convexity if far == np.inf else law.weak_convexity_within(far)
-            for law, far in zip((self.normal, slip), reach, strict=True)
-        )
-        if self.state_dependent:  # whatever the bound
-            tangential = np.where(tangential > 0.0, np.inf, 0.0)
-        return normal, tangential
+    def proof(self, constant: Constant) -> Proof:
+        known = super().proof(constant)
+        return replace(known, values=(known.values[0], self._alpha_of_slip)) if constant == "alpha" else known
+
+    def _alpha_of_slip(self, reach: float) -> Array:
+        if not self.state_dependent:
+            return self.tangential.proof("alpha").value(reach)[0]
+        return np.where(self.friction.profile.proof("alpha").value(reach)[0] > 0.0, np.inf, 0.0)  # whatever the bound
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
         if self.friction.profile.convex:  # whatever the bound
             return self.normal.weak_convexity, np.zeros(1)
-        return self.weak_convexity_within((np.inf, np.inf))
+        return self.normal.weak_convexity, self._alpha_of_slip(np.inf)
 
     def weak_convexity_at(self, r: Array) -> tuple[Array, Array]:
         if self.friction.profile.convex:  # whatever the bound

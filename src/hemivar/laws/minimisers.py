@@ -172,7 +172,7 @@ def golden_section(energy: Callable[[Array], Array], low: Array, high: Array) ->
 def _argmin(law: Superpotential, a: Array, b: Array) -> Array:
     """:func:`local_argmin` where the points do not share many knots; nan where no piece and no knot holds it."""
     # A constant that is sampled may be too small: then all pieces are looked at.
-    if law.convex or (not law.alpha_sampled and (a > law.weak_convexity).all()):
+    if law.convex or ((a > law.weak_convexity).all() and law.proof("alpha").sure):
         return _argmin_of_growing(law, a, b)
     points, energies = law.local_minimisers(a, b)
     best = np.argmin(energies, axis=-1)[..., None]

@@ -14,6 +14,7 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.glue import Glue
+from hemivar.laws.proof import Constant, Proof, beside, worst
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import plus, secant
 from hemivar.laws.transformed.algebra import secant_stiffness
@@ -138,14 +139,6 @@ class NormalAndFriction(Glue):
         steepest = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
         return np.where(rate > 0.0, np.where(rate > 0.0, rate, 1.0) * steepest, 0.0)
 
-    @property
-    def lipschitz_sampled(self) -> bool:
-        bound = self.friction.bound
-        if not isinstance(bound, StateBound):
-            return False
-        rises = np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf))
-        return bound.lipschitz_sampled or (bool(rises) and self.friction.profile.growth_sampled)
-
     def resistance(self, r: Array, lam: Array) -> Array:
         return self.friction.frozen(r[:, 0], lam[:, 0]).bounds
 
@@ -159,17 +152,16 @@ class NormalAndFriction(Glue):
     def alpha_is_one(self) -> bool:
         return not self.state_dependent or self.friction.profile.convex
 
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        return self.normal.alpha_reach, self.friction.profile.alpha_reach
-
-    @property
-    def constants_sampled(self) -> bool:
-        return self.normal.constants_sampled or self.friction.profile.constants_sampled
-
-    @property
-    def growth_sampled(self) -> bool:
-        return self.normal.growth_sampled or self.friction.profile.growth_sampled
+    def proof(self, constant: Constant) -> Proof:
+        normal, profile, bound = self.normal, self.friction.profile, self.friction.bound
+        if constant == "alpha":
+            return beside(normal.proof("alpha"), profile.proof("alpha"))
+        if constant == "growth":
+            return worst([normal.proof("growth"), profile.proof("growth")])
+        if not isinstance(bound, StateBound):
+            return Proof()
+        rises = np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf))
+        return worst([bound.proof, profile.proof("growth")]) if rises else bound.proof
 
     @property
     def softens(self) -> bool:

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.parameters import common_rows
+from hemivar.laws.proof import Constant, Proof
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["RescaledLaw", "ResolvedLaw", "moved_ends", "row", "separated", "taken"]
@@ -199,16 +200,16 @@ class RescaledLaw(ResolvedLaw):
         """alpha, see there."""
         return self._times(self.theta * self.base.weak_convexity)
 
-    @property
-    def alpha_reach(self) -> float:
-        reach = self.base.alpha_reach
-        return max(float(((reach - np.abs(self.c)) / self.theta).min(initial=np.inf)), 0.0) if self.moved else reach
+    def proof(self, constant: Constant) -> Proof:
+        known = self.base.proof(constant)
+        (reach,) = known.reach
+        if self.moved:
+            reach = max(float(((reach - np.abs(self.c)) / self.theta).min(initial=np.inf)), 0.0)
+        return replace(known, reach=(reach,), values=(self._alpha_within,) if constant == "alpha" else ())
 
-    def weak_convexity_within(self, reach: float) -> Array:
-        if not self.moved:
-            return self._times(self.base.weak_convexity_within(reach))
-        inner = reach if np.isinf(reach) else float((self.theta * reach + np.abs(self.c)).max())
-        return self._times(self.theta * self.base.weak_convexity_within(inner))
+    def _alpha_within(self, reach: float) -> Array:
+        inner = reach if np.isinf(reach) else float((self.theta * reach + np.abs(self.c)).max(initial=0.0))
+        return self._times(self.theta * self.base.proof("alpha").value(inner)[0])
 
     @property
     def growth(self) -> tuple[Array, Array]:

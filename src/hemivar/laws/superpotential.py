@@ -24,6 +24,7 @@ from hemivar.laws import minimisers
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.description import LawDescription, describe
 from hemivar.laws.minimisers import AT_ONCE, FAR, MANY
+from hemivar.laws.proof import Constant, Proof, in_class_of, of_alpha, worst
 
 __all__ = ["Interval", "Superpotential", "entry"]
 
@@ -93,29 +94,11 @@ class Superpotential(PickleMixin, ABC):
         """The other laws of which it is made, by sums, factors or places; empty where it stands for itself."""
         return ()
 
-    @property
-    def constants_sampled(self) -> bool:
-        """Whether alpha or the growth constants, or those of a law in it, come from sampling and may be too small."""
-        return any(law.constants_sampled for law in self.made_of)
-
-    @property
-    def alpha_sampled(self) -> bool:
-        """Whether alpha, or that of a law in it, is not proved for every r: it is sampled, or that of a reach."""
-        return any(law.alpha_sampled for law in self.made_of) if self.made_of else self.constants_sampled
-
-    @property
-    def alpha_reach(self) -> float:
-        """|r| up to which :attr:`weak_convexity` is proved: inf where it holds for every r, 0 where it is sampled."""
-        return 0.0 if self.alpha_sampled else np.inf
-
-    def weak_convexity_within(self, reach: float) -> Array:
-        """Proved alpha of |r| <= ``reach``, shape ``(m or 1,)``; inf where none is proved."""
-        return np.where(reach <= self.alpha_reach, self.weak_convexity, np.inf)
-
-    @property
-    def growth_sampled(self) -> bool:
-        """Whether the growth constants, or those of a law in it, come from sampling."""
-        return any(law.growth_sampled for law in self.made_of) if self.made_of else self.constants_sampled
+    def proof(self, constant: Constant) -> Proof:
+        """How alpha, or the growth, is known: as the class states it, or as surely as those of all laws in it."""
+        parts = self.made_of
+        known = worst(law.proof(constant) for law in parts).whole() if parts else in_class_of(self)
+        return of_alpha(known, lambda _: self.weak_convexity) if constant == "alpha" else known
 
     # ---- what a law supplies -------------------------------------------------------------------------
 
@@ -150,7 +133,7 @@ class Superpotential(PickleMixin, ABC):
     def weak_convexity(self) -> Array:
         """Smallest alpha >= 0 with j + alpha/2 r^2 convex, shape ``(m or 1,)``; inf at downward jumps.
 
-        Where no alpha is known for every r it is that of the reach, up to ``alpha_reach``.
+        Where no alpha is known for every r it is that of the reach of its :meth:`proof`.
         """
 
     @property

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws.crossings import Crossings, level_places
 from hemivar.laws.minimisers import FAR
+from hemivar.laws.proof import Constant, Proof, beside, in_class_of, of_alpha
 from hemivar.laws.sides import Sides, lengths, most_resisted, polar, rest_forces, sides_of
 from hemivar.laws.superpotential import Interval, Superpotential
 
@@ -226,11 +227,6 @@ class VectorLaw(PickleMixin, ABC):
         """
         return self.lipschitz
 
-    @property
-    def lipschitz_sampled(self) -> bool:
-        """Whether a constant of friction that depends on the penetration is sampled: that of the bound, or c0, c1."""
-        return False
-
     @abstractmethod
     def value(self, r: Array) -> Array:
         """j(r), shape (m,); +inf outside the domain."""
@@ -360,32 +356,10 @@ class VectorLaw(PickleMixin, ABC):
         """That of :meth:`frozen_at`."""
         return self.frozen_at(r).weak_convexity
 
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        """Proved alphas of penetrations and slips up to a ``reach`` each; inf where none is proved."""
-        return self.weak_convexity
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        """Penetration and slip up to which :attr:`weak_convexity` is proved; 0 where it is sampled."""
-        return np.inf, np.inf
-
-    @property
-    def alpha_sampled(self) -> bool:
-        """Whether an alpha is not proved for every penetration and slip."""
-        return min(self.alpha_reach) < np.inf
-
-    @property
-    def alpha_doubt(self) -> str:
-        """Why alpha is not proved for every penetration and slip, in words; empty if it is."""
-        reach = min(self.alpha_reach)
-        if reach == np.inf:
-            return ""
-        return "known from samples only" if reach == 0.0 else f"proved within the reach {reach:g} only"
-
-    @property
-    def constants_sampled(self) -> bool:
-        """Whether alpha or the growth constants of a part come from sampling."""
-        return False
+    def proof(self, constant: Constant) -> Proof:
+        """How alpha of both parts, the growth, or :attr:`lipschitz` is known; as the class states it by default."""
+        known = in_class_of(self)
+        return of_alpha(beside(known, known), lambda part: self.weak_convexity[part]) if constant == "alpha" else known
 
     @property
     def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -395,11 +369,6 @@ class VectorLaw(PickleMixin, ABC):
         """
         unknown = (np.full(1, np.inf), np.zeros(1))
         return unknown, unknown
-
-    @property
-    def growth_sampled(self) -> bool:
-        """Whether :attr:`growth` comes from sampling."""
-        return False
 
     @property
     def follows_state(self) -> bool:
@@ -414,7 +383,7 @@ class VectorLaw(PickleMixin, ABC):
     @property
     def convex(self) -> bool:
         """Whether the law is convex at all points, and that is proved."""
-        return not self.alpha_sampled and all(bool((alpha == 0.0).all()) for alpha in self.weak_convexity)
+        return self.proof("alpha").sure and all(bool((alpha == 0.0).all()) for alpha in self.weak_convexity)
 
     @property
     def softens(self) -> bool:

@@ -189,7 +189,7 @@ def _margin(problem: DiscreteProblem) -> list[_Row]:
     if one_solution(problem, constants):
         return [("margin", f"{margin}: one solution")]
     if constants.margin > 0.0:
-        return [("margin", f"{margin} (alpha is {problem.law.alpha_doubt or 'sampled'})")]
+        return [("margin", f"{margin} (alpha is {problem.law.proof('alpha').doubt or 'sampled'})")]
     return [("margin", f"{margin}, not positive: there may be several solutions")]
 
 

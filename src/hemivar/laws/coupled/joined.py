@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
+from hemivar.laws.proof import Constant, Proof, gathered
 from hemivar.laws.stacked import gathered_debonding
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw
@@ -109,7 +110,6 @@ class JoinedLaw(VectorLaw):
 
     state_dependent = _whether("state_dependent")
     depends_on_whole_state = _whether("depends_on_whole_state")
-    lipschitz_sampled = _whether("lipschitz_sampled")
 
     @property
     def follows_state(self) -> bool:
@@ -156,7 +156,6 @@ class JoinedLaw(VectorLaw):
     rubbed = _by_points("rubbed")
     strongest = _several("strongest")  # type: ignore[assignment]
     asymptotic_curvature = _several("asymptotic_curvature")  # type: ignore[assignment]
-    weak_convexity_within = _several("weak_convexity_within")  # type: ignore[assignment]
     curve_above_at = _several("curve_above_at")  # type: ignore[assignment]
 
     def pressures(self, r: Array) -> Interval:
@@ -220,15 +219,10 @@ class JoinedLaw(VectorLaw):
     def weak_convexity(self) -> tuple[Array, Array]:
         return self._alphas
 
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        reaches = [law.alpha_reach for law in self.parts]
-        return min(normal for normal, _ in reaches), min(tangential for _, tangential in reaches)
+    def proof(self, constant: Constant) -> Proof:
+        return gathered([law.proof(constant) for law in self.parts], self.gather)
 
     softens = _whether("softens")
-    growth_sampled = _whether("growth_sampled")
-    alpha_sampled = _whether("alpha_sampled")
-    constants_sampled = _whether("constants_sampled")
 
     @property
     def penetrations(self) -> Interval:
