@@ -17,9 +17,19 @@ from hemivar.laws.contact_chart import ContactChart, GraphTables, follow
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
+from hemivar.laws.minimisers import piece_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.proof import Constant, Proof
-from hemivar.laws.scalar_graph import is_continuous, local_minimiser, nearest_knot, one_sided, radial_sides, steepest
+from hemivar.laws.scalar_graph import (
+    is_continuous,
+    kink_within,
+    local_minimiser,
+    nearest_knot,
+    one_sided,
+    prox_slope,
+    radial_sides,
+    steepest,
+)
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, lengths, polar, spread
@@ -186,10 +196,10 @@ class ContactLaw(NormalAndFriction):
         if self._compiled is not None:
             return self._compiled.clamp(start, end)
         out, law = end.copy(), self.normal
-        out[:, 0] = np.clip(end[:, 0], *law.piece_bounds(law.piece_of(start[:, 0])))
+        out[:, 0] = np.clip(end[:, 0], *piece_bounds(law, law.piece_of(start[:, 0])))
         if end.shape[1] > 1:
             law, (length, heading), (size, own) = self.tangential, polar(end[:, 1:]), polar(start[:, 1:])
-            low, high = law.piece_bounds(law.piece_of(size))
+            low, high = piece_bounds(law, law.piece_of(size))
             forwards = np.einsum("mi,mi->m", own, end[:, 1:]) > 0.0
             out[:, 1:] = np.where(
                 forwards[:, None], np.clip(length, low, high)[:, None] * heading, np.maximum(low, 0.0)[:, None] * own
@@ -263,11 +273,11 @@ class ContactLaw(NormalAndFriction):
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape
         jacobian = np.zeros((m, d, d))
-        jacobian[:, 0, 0] = self.normal.prox_slope(x[:, 0], tau[:, 0])
+        jacobian[:, 0, 0] = prox_slope(self.normal, x[:, 0], tau[:, 0])
         if d > 1:
             size, direction = polar(x[:, 1:])
             length = self.tangential.prox(size, tau[:, 1])
-            slope = self.tangential.prox_slope(size, tau[:, 1])
+            slope = prox_slope(self.tangential, size, tau[:, 1])
             ratio = np.where(size > 0.0, length / np.where(size > 0.0, size, 1.0), slope)
             outer = np.einsum("mi,mj->mij", direction, direction)
             jacobian[:, 1:, 1:] = ratio[:, None, None] * (np.eye(d - 1) - outer) + slope[:, None, None] * outer
@@ -365,11 +375,11 @@ class ContactLaw(NormalAndFriction):
 
     def snap_to_kinks(self, r: Array, near: float) -> Array:
         out = r.copy()
-        knot = self.normal.kink_within(r[:, 0], near)
+        knot = kink_within(self.normal, r[:, 0], near)
         out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])
         if r.shape[1] > 1:
             size = lengths(r[:, 1:])
-            knot = self.tangential.kink_within(size, near)
+            knot = kink_within(self.tangential, size, near)
             scale = np.where(np.isfinite(knot) & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
             out[:, 1:] = r[:, 1:] * scale[:, None]
         return out

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.laws.minimisers import FAR
+from hemivar.laws.minimisers import FAR, piece_bounds
 
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential
@@ -169,7 +169,7 @@ def describe(law: Superpotential, point: int = 0) -> LawDescription:
     within = known.reach[0] or np.inf
     for i in range(len(places) + 1):
         piece = np.array([i])
-        low, high = (float(end[0]) for end in law.piece_bounds(piece))
+        low, high = (float(end[0]) for end in piece_bounds(law, piece))
         if low >= high:
             continue
         for r in (max(low, -within), min(high, within)):

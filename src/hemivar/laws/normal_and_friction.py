@@ -15,6 +15,7 @@ from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_i
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.glue import Glue
 from hemivar.laws.proof import Constant, Proof, beside, worst
+from hemivar.laws.scalar_graph import past_peak
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import plus, secant
 from hemivar.laws.transformed.algebra import secant_stiffness
@@ -199,7 +200,7 @@ class NormalAndFriction(Glue):
         return np.asarray(self.pressures(r).lower < 0.0)
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        return self.normal.past_peak(r[:, 0], pull, near, slack)
+        return past_peak(self.normal, r[:, 0], pull, near, slack)
 
     def debonding(self, r: Array) -> dict[str, Array]:
         return self.normal.debonding(r[:, 0])

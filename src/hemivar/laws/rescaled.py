@@ -81,10 +81,6 @@ class RescaledLaw(ResolvedLaw):
         """Name of the law that is scaled."""
         return self.base.name
 
-    @property
-    def made_of(self) -> tuple[Superpotential, ...]:
-        return (self.base,)
-
     @cached_property
     def moved(self) -> bool:
         """Whether the argument is another one."""
@@ -122,8 +118,10 @@ class RescaledLaw(ResolvedLaw):
         r = self.base.place_of(knot)
         return np.asarray((r - self.c) / self.theta) if self.moved else r
 
-    def knots_before(self, r: Array) -> IntArray:
-        near = self.base.knots_before(self._argument(r))
+    def piece_of(self, r: Array) -> IntArray:
+        if not self.searched:
+            return super().piece_of(r)
+        near = self.base.piece_of(self._argument(np.asarray(r, dtype=float)))
         if self.moved:  # the knot is where it is said to be, whatever rounding makes of its argument
             near = near + ((near < self.searched) & (self.place_of(np.minimum(near, self.searched - 1)) < r))
             near = near - ((near > 0) & (self.place_of(np.maximum(near - 1, 0)) >= r))

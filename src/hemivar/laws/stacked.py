@@ -98,10 +98,6 @@ class StackedLaw(Superpotential):
         return all(law.straight for law in self.parts)
 
     @property
-    def made_of(self) -> tuple[Superpotential, ...]:
-        return self.parts
-
-    @property
     def weak_convexity(self) -> Array:
         return self._gather(lambda law, i: law.weak_convexity)
 

@@ -463,7 +463,7 @@ class VectorLaw(PickleMixin, ABC):
         return np.asarray(self.pressures(r).lower < 0.0)
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        """Whether the law has let go of some of its ``pull (m,)``; see :meth:`Superpotential.past_peak`.
+        """Whether the law has let go of some of its ``pull (m,)``; see :func:`~hemivar.laws.scalar_graph.past_peak`.
 
         Unless a law knows better, where it is open and pulls less the more it opens.
         """

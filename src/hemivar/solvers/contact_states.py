@@ -187,7 +187,7 @@ def contact_states(
     ``law``: with resolved parameters; ``local, multiplier (m, c)``: penetration and slip, and force per area of the
     body on the foundation; ``sizes``: largest displacement and multiplier of all points, where these are not all;
     ``moves (m,)``: which points move sideways; by default those with a slip; ``past_peak (m,)``: where the pull is past
-    its peak; by default as the law says of this pair, see :meth:`hemivar.laws.Superpotential.past_peak`;
+    its peak; by default as the law says of this pair, see :func:`hemivar.laws.scalar_graph.past_peak`;
     ``without_friction (m,)``: where the friction of the law is left out.
     """
     if sizes is None:

@@ -360,7 +360,7 @@ class OwnCoupledLaw(VectorLaw):
 
     def proof(self, constant: Constant) -> Proof:
         if constant != "alpha":
-            return SAMPLED
+            return super().proof(constant)
         known = Proof(Evidence.BY_INTERVALS, (self.reach,)) if self._alpha[2] else SAMPLED
         return of_alpha(beside(known, known), lambda part: self.weak_convexity[part])
 

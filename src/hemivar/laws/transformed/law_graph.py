@@ -182,6 +182,7 @@ class LawGraph(ResolvedLaw):
 
     @property
     def made_of(self) -> tuple[Superpotential, ...]:
+        """The laws of its terms."""
         return tuple(term.law for term in self.terms)
 
     @property
