@@ -24,6 +24,7 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
+from hemivar.laws.vector_law import splits
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.systems.chain import Chain, chain_of, segments_at_most
 from hemivar.systems.workspace import Workspace
@@ -221,7 +222,7 @@ def finding(
     system = kept.condensed(problem)
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
-    plane = problem.contact.components <= 2 and problem.contact_points > 0 and problem.law.splits
+    plane = problem.contact.components <= 2 and problem.contact_points > 0 and splits(problem.law)
     if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
         chain = state_chain_of(system) if dependent else chain_of(system)
     random = np.random.default_rng(options.seed)

@@ -22,6 +22,7 @@ from hemivar.evolution.state import TimeState
 from hemivar.evolution.time_error import TimeError
 from hemivar.laws import VectorLaw
 from hemivar.laws.memory import MemoryChain
+from hemivar.laws.vector_law import weak_convexity_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -192,7 +193,7 @@ class History(PickleMixin, ReprMixin):
             why = ""
             if np.isinf(law.lipschitz).any():
                 why = ": a friction bound that depends on the pressure, as Coulomb's, or jumps has no uniqueness margin"
-            elif any(np.isinf(alpha).any() for alpha in law.weak_convexity_at(-problem.offset)):
+            elif any(np.isinf(alpha).any() for alpha in weak_convexity_at(law, -problem.offset)):
                 why = ": a law that drops discontinuously has no uniqueness margin"
             return f"{lost} step{'s' if lost > 1 else ''} may have several solutions{why}"
         damped = [one.damping for one in contacts if one.damping is not None]

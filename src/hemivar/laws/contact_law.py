@@ -86,8 +86,8 @@ class ContactLaw(NormalAndFriction):
         return self.tangential.name
 
     @property
-    def splits(self) -> bool:
-        return True
+    def not_separable(self) -> str:
+        return ""
 
     @cached_property
     def tangential(self) -> Superpotential:
@@ -240,7 +240,7 @@ class ContactLaw(NormalAndFriction):
         if not isinstance(bound, StateBound):
             each = spread(a, p.shape[1])
             r = self.local_argmin(a, p)
-            return OnGraph(r, p - each * r, self.prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
+            return OnGraph(r, p - each * r, self._prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
         normal = ContactLaw(self.normal).on_graph(p[:, :1], a)
         penetration, pressure = normal.r[:, 0], normal.multiplier[:, 0]
         at_bound = ContactLaw(self.normal, self.friction.frozen(penetration, pressure)).on_graph(p, a)
@@ -270,7 +270,7 @@ class ContactLaw(NormalAndFriction):
             return ContactChart(self, a, tables, slip)
         return ContactChart(self, a, tables, slip, bound, (self.normal, self.friction.profile))
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+    def _prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape
         jacobian = np.zeros((m, d, d))
         jacobian[:, 0, 0] = prox_slope(self.normal, x[:, 0], tau[:, 0])
@@ -324,11 +324,6 @@ class ContactLaw(NormalAndFriction):
         if self.friction.profile.convex:  # whatever the bound
             return self.normal.weak_convexity, np.zeros(1)
         return self.normal.weak_convexity, self._alpha_of_slip(np.inf)
-
-    def weak_convexity_at(self, r: Array) -> tuple[Array, Array]:
-        if self.friction.profile.convex:  # whatever the bound
-            return self.normal.weak_convexity, np.zeros(1)
-        return self.frozen_at(r).weak_convexity
 
     @property
     def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

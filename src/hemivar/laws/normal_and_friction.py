@@ -19,7 +19,7 @@ from hemivar.laws.scalar_graph import past_peak
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import plus, secant
 from hemivar.laws.transformed.algebra import secant_stiffness
-from hemivar.laws.vector_law import VectorLaw, lengths
+from hemivar.laws.vector_law import VectorLaw, lengths, stores_slip
 
 __all__ = ["NormalAndFriction", "with_friction"]
 
@@ -52,10 +52,6 @@ class NormalAndFriction(Glue):
     def follows_slip(self) -> bool:
         return self.friction.of is SlipMeasure.SLIP
 
-    @property
-    def stores_slip(self) -> bool:
-        return self.follows_slip and not self.state_dependent
-
     def in_increments(self, rate: float) -> Self:
         friction = friction_in_increments(self.friction, rate)
         return self if friction is self.friction else self.with_parts(friction=friction)
@@ -71,7 +67,7 @@ class NormalAndFriction(Glue):
         return self.with_parts(friction=replace(self.friction, profile=ABSOLUTE_VALUE.scaled(static)))
 
     def stored_energy(self, r: Array) -> Array:
-        return self.value(r) if self.stores_slip else self.normal.value(r[:, 0])
+        return self.value(r) if stores_slip(self) else self.normal.value(r[:, 0])
 
     # ---- glue that remembers ----------------------------------------------------------------------------
 
@@ -149,10 +145,6 @@ class NormalAndFriction(Glue):
 
     # ---- what is known of the parts ---------------------------------------------------------------------
 
-    @property
-    def alpha_is_one(self) -> bool:
-        return not self.state_dependent or self.friction.profile.convex
-
     def proof(self, constant: Constant) -> Proof:
         normal, profile, bound = self.normal, self.friction.profile, self.friction.bound
         if constant == "alpha":
@@ -163,11 +155,6 @@ class NormalAndFriction(Glue):
             return Proof()
         rises = np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf))
         return worst([bound.proof, profile.proof("growth")]) if rises else bound.proof
-
-    @property
-    def softens(self) -> bool:
-        normal, profile = self.normal.weak_convexity, self.friction.profile.weak_convexity
-        return bool((normal > 0.0).any() or (profile > 0.0).any())
 
     @property
     def penetrations(self) -> Interval:
@@ -195,9 +182,6 @@ class NormalAndFriction(Glue):
 
     def at_normal_kink(self, r: Array) -> BoolArray:
         return self.normal.at_kink(r[:, 0])
-
-    def pulls(self, r: Array) -> BoolArray:
-        return np.asarray(self.pressures(r).lower < 0.0)
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return past_peak(self.normal, r[:, 0], pull, near, slack)

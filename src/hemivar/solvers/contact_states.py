@@ -13,6 +13,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import pulls
 
 __all__ = [
     "KINDS",
@@ -199,7 +200,7 @@ def contact_states(
     opened = lifted & (np.abs(pressure) <= weak)
     bonded = pulled & lifted
     if (pulled & ~lifted).any():  # by a law that pulls where it touches, and not by what a solver leaves
-        bonded = pulled & law.pulls(local) | bonded
+        bonded = pulled & pulls(law, local) | bonded
     if (opened | bonded).any():
         if past_peak is None:
             past_peak = law.past_peak(local, -pressure, small, weak)

@@ -115,10 +115,6 @@ class JoinedLaw(VectorLaw):
     def follows_state(self) -> bool:
         return all(law.follows_state for law in self.parts if law.state_dependent)
 
-    @property
-    def alpha_is_one(self) -> bool:
-        return all(law.alpha_is_one for law in self.parts)
-
     def frozen(self, r: Array, lam: Array) -> VectorLaw:
         return self._each(lambda law, *own: law.frozen(*own), r, lam)
 
@@ -149,14 +145,12 @@ class JoinedLaw(VectorLaw):
     fitted = _by_points("fitted")
     at_normal_kink = _by_points("at_normal_kink")
     moves = _by_points("moves")
-    pulls = _by_points("pulls")
     past_peak = _by_points("past_peak")
     resistance = _by_points("resistance")
     kinks_along = _by_points("kinks_along", np.nan)
     rubbed = _by_points("rubbed")
     strongest = _several("strongest")  # type: ignore[assignment]
     asymptotic_curvature = _several("asymptotic_curvature")  # type: ignore[assignment]
-    curve_above_at = _several("curve_above_at")  # type: ignore[assignment]
 
     def pressures(self, r: Array) -> Interval:
         ends = [law.pressures(r[i]) for law, i in zip(self.parts, self.indices, strict=True)]
@@ -221,8 +215,6 @@ class JoinedLaw(VectorLaw):
 
     def proof(self, constant: Constant) -> Proof:
         return gathered([law.proof(constant) for law in self.parts], self.gather)
-
-    softens = _whether("softens")
 
     @property
     def penetrations(self) -> Interval:

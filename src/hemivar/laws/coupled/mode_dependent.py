@@ -333,9 +333,6 @@ class ModeDependentGlue(Glue):
     def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
         self._refuse()
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        self._refuse()
-
     def on_graph(self, p: Array, a: Array) -> OnGraph:
         """The pair whose mode is its own, for ``p = a r + lam``: a scalar equation in the mode.
 

@@ -379,10 +379,6 @@ class OwnCoupledLaw(VectorLaw):
     def at_normal_kink(self, r: Array) -> BoolArray:
         return np.asarray((r[:, 0] == 0.0) & self.hooked)
 
-    def pulls(self, r: Array) -> BoolArray:
-        normal, size, _ = self.split(self.admissible(r))
-        return np.asarray(self.slopes_at(normal, size, -1.0)[0] < -1e-9 * self.size)
-
     def resistance(self, r: Array, lam: Array) -> Array:
         normal, _, _ = self.split(self.admissible(r))
         slip = self._grid[1]
