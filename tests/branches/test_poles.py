@@ -28,9 +28,9 @@ def test_a_pole_beyond_the_reach_leaves_no_claim_beyond_it(pole: float, reach: f
     """``r + 1/(p - r) = f`` has the roots ``((p + f) -+ sqrt((p - f)^2 + 4))/2``, one of them behind the pole."""
     force = 0.4
     law = FormulaLaw(derivative=f"1/({pole} - r)", reach=reach)
-    assert law.alpha_reach == reach
+    assert law.proof("alpha").reach == (reach,)
     assert law.describe().law_class == "convex within the reach"
-    assert np.isinf(law.weak_convexity_within(2.0 * pole)[0])
+    assert np.isinf(law.proof("alpha").value(2.0 * pole)[0][0])
     assert np.isinf(law.growth[0][0])
     near, far = (0.5 * (pole + force + s * math.sqrt((pole - force) ** 2 + 4.0)) for s in (-1.0, 1.0))
     for root in (near, far):

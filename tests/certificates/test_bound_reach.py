@@ -35,21 +35,21 @@ def test_alpha_is_that_of_the_reach(text: str) -> None:
     known = FALLING[text][1]
     law = FormulaLaw(text, reach=0.2)
     assert law.weak_convexity[0] == pytest.approx(known(0.2), rel=1e-6)
-    assert (law.alpha_reach, law.alpha_sampled) == (0.2, True)
-    assert law.weak_convexity_within(0.1)[0] == pytest.approx(known(0.1), rel=1e-6)
+    assert law.proof("alpha").reach == (0.2,)
+    assert law.proof("alpha").value(0.1)[0][0] == pytest.approx(known(0.1), rel=1e-6)
     words = str(law.describe())
     assert "jumps down" not in words
     assert "for |r| <= 0.2" in words
     assert "falls without bound far out" in words
     assert "not bounded below, however stiff the body is" in words
     factor = law.scaled(3.0)
-    assert factor.weak_convexity_within(0.1)[0] == pytest.approx(3.0 * known(0.1), rel=1e-6)
+    assert factor.proof("alpha").value(0.1)[0][0] == pytest.approx(3.0 * known(0.1), rel=1e-6)
     pair = stack([(law, 1), (Compliance(2.0).at(None), 2)])
-    assert pair.alpha_reach == 0.2
-    np.testing.assert_allclose(pair.weak_convexity_within(0.1), [known(0.1), 0.0, 0.0], rtol=1e-6)
+    assert pair.proof("alpha").reach == (0.2,)
+    np.testing.assert_allclose(pair.proof("alpha").value(0.1)[0], [known(0.1), 0.0, 0.0], rtol=1e-6)
     springs = plus(law, FormulaLaw("r^2", reach=0.2))
     assert springs.weak_convexity[0] == pytest.approx(max(known(0.2) - 2.0, 0.0), rel=1e-6)
-    assert springs.weak_convexity_within(0.5)[0] == math.inf
+    assert springs.proof("alpha").value(0.5)[0][0] == math.inf
 
 
 @pytest.mark.parametrize(("reach", "text"), sampled(itertools.product((10.0, 0.03), FALLING), 4))
@@ -96,7 +96,7 @@ def test_a_solution_outside_of_the_reach_is_not_called_the_only_one() -> None:
 def test_samples_prove_nothing_within_a_reach() -> None:
     law = FunctionLaw(lambda r: r**3, lambda r: 3.0 * r**2, lambda r: 6.0 * r, reach=2.0)
     assert law.weak_convexity[0] == pytest.approx(12.0)
-    assert law.alpha_reach == 0.0
+    assert law.proof("alpha").reach == (0.0,)
     words = str(law.describe())
     assert "alpha = 12 (sampled)" in words
     assert "falls without bound far out" in words

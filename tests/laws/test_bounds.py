@@ -48,18 +48,18 @@ def test_a_formula_is_differentiated_not_sampled() -> None:
     text = "6e-4*(1 + tanh((s - 1)/3e-4))"
     bound = PenetrationBound(text)
     assert 2.0 <= bound.lipschitz[0] <= 2.0 * (1.0 + 1e-6)
-    assert not bound.lipschitz_sampled
+    assert bound.proof.sure
     own = PenetrationBound(lambda s: 6e-4 * (1.0 + np.tanh((s - 1.0) / 3e-4)))
-    assert own.lipschitz_sampled
+    assert not own.proof.sure
     assert own.lipschitz[0] < 2.0
-    assert PenetrationBound("s^2").lipschitz_sampled  # no constant holds for every s
+    assert not PenetrationBound("s^2").proof.sure  # no constant holds for every s
     assert PenetrationBound("s^2").lipschitz[0] >= 20.0
     for jump in ("piecewise((0, s < 0.1), (1, True))", "piecewise((0, s < 0.1234567), (1e-4, True))"):
         assert PenetrationBound(jump).lipschitz[0] == np.inf
-        assert not PenetrationBound(jump).lipschitz_sampled
+        assert PenetrationBound(jump).proof.sure
     stacked = stack_bounds([(own, 2), (np.array([0.3]), 1)])
-    assert stacked.lipschitz_sampled
-    assert not stack_bounds([(bound, 2), (np.array([0.3]), 1)]).lipschitz_sampled
+    assert not stacked.proof.sure
+    assert stack_bounds([(bound, 2), (np.array([0.3]), 1)]).proof.sure
 
 
 @given(height=st.floats(0.01, 2.0), width=st.floats(1e-4, 3.0), place=st.floats(-3.0, 3.0), rate=st.floats(0.1, 20.0))
@@ -71,7 +71,7 @@ def test_no_slope_of_a_formula_exceeds_its_constant(height: float, width: float,
     slopes = np.abs(np.diff(bound.value(s, s))) / np.diff(s)
     wide = np.diff(s) > 1e-9
     assert slopes[wide].max() <= bound.lipschitz[0] * (1.0 + 1e-6)
-    assert not bound.lipschitz_sampled
+    assert bound.proof.sure
     assert bound.lipschitz[0] <= height / width + 0.1 * rate + 1.0 + 1e-6 * height / width
 
 

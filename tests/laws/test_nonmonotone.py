@@ -28,6 +28,7 @@ from hemivar.laws import (
     ThresholdCompliance,
     table_law,
 )
+from hemivar.laws.proof import SAMPLED, Constant, Proof
 from hemivar.laws.stacked import stack
 from hemivar.laws.testing import check_law
 from tests.samples import sampled
@@ -80,7 +81,9 @@ def test_a_sampled_constant_that_is_too_small_does_not_hide_the_lowest_minimiser
 
     class Missed(type(table)):  # type: ignore[misc]
         weak_convexity = np.array([0.5])
-        alpha_sampled = True
+
+        def proof(self, constant: Constant) -> Proof:
+            return SAMPLED
 
     law = copy.copy(table)
     object.__setattr__(law, "__class__", Missed)

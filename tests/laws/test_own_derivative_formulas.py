@@ -41,7 +41,7 @@ def test_the_law_is_that_of_the_potential(name: str) -> None:
     np.testing.assert_allclose(found.value(r), expected.value(r), atol=3e-14 * scale)
     np.testing.assert_allclose(found.derivative(r), expected.derivative(r), atol=1e-12 * scale)
     np.testing.assert_allclose(found.weak_convexity, expected.weak_convexity, rtol=1e-6)
-    assert found.alpha_sampled == expected.alpha_sampled
+    assert found.proof("alpha").sure == expected.proof("alpha").sure
     np.testing.assert_allclose(found.growth, expected.growth, rtol=1e-6, atol=1e-9)
     for sign in (1.0, -1.0):
         np.testing.assert_allclose(found.recession(np.array([sign])), expected.recession(np.array([sign])), rtol=1e-6)

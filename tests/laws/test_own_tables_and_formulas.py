@@ -215,7 +215,7 @@ def test_formulas_agree_with_named_laws(text: str, even: bool, expected: object)
         np.testing.assert_allclose(getattr(law, name)(*arguments), getattr(expected, name)(*arguments), atol=1e-12)
     assert law.weak_convexity[0] == pytest.approx(expected.weak_convexity[0])  # type: ignore[attr-defined]
     assert law.weak_convexity[0] >= expected.weak_convexity[0]  # type: ignore[attr-defined]
-    assert not law.alpha_sampled
+    assert law.proof("alpha").sure
 
 
 def test_kinks_are_exact_or_found() -> None:
@@ -405,8 +405,8 @@ def test_alpha_of_a_formula_is_a_bound() -> None:
     """A bump of width 1e-4, which sampling steps over."""
     law = FormulaLaw("r^2 + 1e-7*(1 - exp(-((r - 0.123456)/1e-4)^2))")
     exact = 4e-7 * np.exp(-1.5) / 1e-8 - 2.0  # the bump bends most where the square of (r - 0.123456)/1e-4 is 3/2
-    assert not law.alpha_sampled
+    assert law.proof("alpha").sure
     assert exact <= law.weak_convexity[0] <= exact * (1.0 + 1e-6)
     assert FormulaLaw("r^2/(1 + r^2)").weak_convexity[0] == pytest.approx(0.5, rel=1e-6)
-    assert not FormulaLaw("r^2/(1 + r^2)").alpha_sampled
-    assert FunctionLaw(derivative=lambda r: 2.0 * r).alpha_sampled
+    assert FormulaLaw("r^2/(1 + r^2)").proof("alpha").sure
+    assert not FunctionLaw(derivative=lambda r: 2.0 * r).proof("alpha").sure

@@ -25,6 +25,8 @@ from hemivar.laws import (
     ThresholdCompliance,
     table_law,
 )
+from hemivar.laws.minimisers import piece_bounds
+from hemivar.laws.proof import SAMPLED, Constant, Evidence, Proof
 from hemivar.laws.stacked import stack
 from hemivar.laws.testing import LawError, check_law
 from hemivar.laws.transformed import affine, plus
@@ -46,13 +48,13 @@ class Table(PiecewiseQuadratic):
 def test_a_growth_that_is_proved_on_one_side_only_is_proved() -> None:
     for text, c0 in (("max(r, 0)", 1.0), ("max(-2*r, 0)", 2.0)):
         law = FormulaLaw(text)
-        assert not law.growth_sampled
+        assert law.proof("growth").sure
         assert law.growth[0][0] == pytest.approx(c0, rel=1e-6)
 
 
 def test_a_narrow_peak_of_the_derivative_is_climbed() -> None:
     law = FunctionLaw(derivative=lambda r: 1.0 / (1.0 + ((r - 0.0051) / 0.02) ** 2))
-    assert law.growth_sampled
+    assert not law.proof("growth").sure
     assert 1.0 - 1e-5 <= law.growth[0][0] <= 1.0 + 1e-5
 
 
@@ -95,11 +97,11 @@ def test_pieces_beyond_the_end_of_a_law_are_empty() -> None:
     assert many.searched
     for law in (few, many):
         last = law.knots.shape[-1]
-        low, high = law.piece_bounds(np.array([0, 1, last]))
+        low, high = piece_bounds(law, np.array([0, 1, last]))
         np.testing.assert_array_equal(low[[0, 2]], [-0.1, 0.2])
         np.testing.assert_array_equal(high[[0, 2]], [-0.1, 0.2])
         assert low[1] == -0.1 < high[1]
-        single = law.piece_bounds(np.array(0))
+        single = piece_bounds(law, np.array(0))
         assert (single[0], single[1]) == (-0.1, -0.1)
         assert np.all(np.isinf(law.value(np.array([-0.11, 0.21]))))
         empty = law.subdifferential(np.array([-0.11, 0.21]))
@@ -111,10 +113,11 @@ def test_of_several_laws_one_whose_constants_are_sampled_is_enough() -> None:
     sampled = FunctionLaw(np.log1p, lambda r: 1.0 / (1.0 + r), even=True)
     known = ThresholdCompliance(0.3)
     both = stack([(sampled, 1), (known, 2)])
-    assert both.constants_sampled
-    assert both.alpha_sampled
-    assert both.growth_sampled
-    assert not stack([(known, 1), (ThresholdCompliance(0.5), 2)]).constants_sampled
+    assert both.proof("alpha").evidence == both.proof("growth").evidence == Evidence.SAMPLED
+    assert both.proof("alpha").doubt == "known from samples only"
+    known_only = stack([(known, 1), (ThresholdCompliance(0.5), 2)])
+    assert known_only.proof("alpha").sure
+    assert known_only.proof("growth").sure
     assert str(sampled.describe()).count("(sampled)") == 2
     assert "(sampled)" not in str(known.describe())
 
@@ -127,24 +130,24 @@ GROWTH, ALPHA, PROVED = FormulaLaw("r^2"), FormulaLaw("sqrt(1 + r^2)"), FormulaL
 )
 def test_a_law_made_of_others_has_their_doubts_and_no_more(law: Superpotential, alpha: bool, growth: bool) -> None:
     """Each constant by itself: the growth of r^2 is sampled and its alpha is known, of sqrt(1 + r^2) the other way."""
-    assert (law.alpha_sampled, law.growth_sampled, law.made_of) == (alpha, growth, ())
+    assert (not law.proof("alpha").sure, not law.proof("growth").sure) == (alpha, growth)
     slow = law.scaled(np.array([1.0, 0.1]))
     made = [slow, stack([(ThresholdCompliance(0.3), 1), (law, 2)]), plus(FormulaLaw("r"), slow), affine(law, 2.0, 0.1)]
     made += [affine(stack([(law, 2)]), 0.5), slow.take(np.array([1]))]
     for one in made:
-        assert one.made_of, one.name
-        found = (one.constants_sampled, one.alpha_sampled, one.growth_sampled)
-        assert found == (alpha or growth, alpha, growth), type(one)
+        found = (not one.proof("alpha").sure, not one.proof("growth").sure)
+        assert found == (alpha, growth), type(one)
 
 
 def test_a_class_that_says_its_constants_are_sampled_means_both() -> None:
     class Guessed(ThresholdCompliance):
-        constants_sampled = True
+        def proof(self, constant: Constant) -> Proof:
+            return SAMPLED
 
     law = Guessed(0.3)
-    assert law.alpha_sampled
-    assert law.growth_sampled
-    assert stack([(ThresholdCompliance(0.3), 1), (law, 1)]).growth_sampled
+    assert not law.proof("alpha").sure
+    assert not law.proof("growth").sure
+    assert not stack([(ThresholdCompliance(0.3), 1), (law, 1)]).proof("growth").sure
 
 
 def test_a_description_says_where_each_formula_holds() -> None:
@@ -197,7 +200,7 @@ def test_a_jump_of_a_tiny_bound_is_a_jump() -> None:
 def test_a_bound_is_known_as_far_as_it_is_asked() -> None:
     assert PenetrationBound("min(s, 5000)", reach=1e4).lipschitz[0] == pytest.approx(1.0, rel=1e-9)
     assert PenetrationBound("max(-3*(s + 5000), s + 5000)", reach=1e4).lipschitz[0] == pytest.approx(3.0, rel=1e-9)
-    assert not PenetrationBound(([0.0, 1.0], [0.0, 3.0])).lipschitz_sampled
+    assert PenetrationBound(([0.0, 1.0], [0.0, 3.0])).proof.sure
 
 
 def test_a_branch_of_a_bound_that_holds_elsewhere_is_not_asked_in_contact() -> None:
@@ -212,7 +215,7 @@ def test_a_branch_of_a_bound_that_holds_elsewhere_is_not_asked_in_contact() -> N
 
 def test_a_bound_without_a_constant_says_so() -> None:
     bound = PenetrationBound("sqrt(max(s, 0))")
-    assert bound.lipschitz_sampled or bound.lipschitz[0] == np.inf
+    assert not bound.proof.sure or bound.lipschitz[0] == np.inf
 
 
 def test_a_function_that_is_negative_somewhere_is_no_bound() -> None:
@@ -238,7 +241,7 @@ def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None
         (PenetrationBound(lambda s: 0.5 + 0.0 * s), sampled, True),  # samples may have missed a slope
     ):
         found = law(bound, profile)
-        assert found.lipschitz_sampled is expected
+        assert found.proof("lipschitz").sure is not expected
         assert found.lipschitz[0] == (
             8.0 if bound is exact else bound.lipschitz[0] if isinstance(bound, StateBound) else 0.0
         )

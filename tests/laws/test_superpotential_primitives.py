@@ -105,7 +105,7 @@ def test_what_follows_is_what_the_law_says(name: str, components: int) -> None:
         np.testing.assert_allclose(off, law.graph_distance(r, pair, tau), rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(fitted, law.fitted(r, pair, tau), atol=1e-15)
     np.testing.assert_array_equal(one.snap_to_kinks(r, 1e-8)[:, 0], law.snap_to_kinks(r, 1e-8)[:, 0])
-    for question in ("at_normal_kink", "pulls", "admissible"):
+    for question in ("at_normal_kink", "admissible"):
         np.testing.assert_array_equal(getattr(one, question)(r), getattr(law, question)(r), err_msg=question)
     for rate, expected in zip(one.rates, law.rates, strict=True):
         np.testing.assert_allclose(rate, expected)

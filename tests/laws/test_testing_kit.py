@@ -166,10 +166,10 @@ def test_a_friction_law_that_is_not_even_is_caught() -> None:
 def test_a_law_is_asked_as_the_law_of_a_point_too() -> None:
     """How fast prox moves, and the multiplier nearest to a force, which a scalar law has no other question about."""
 
-    def prox_slope(self: Any, x: Any, tau: Any) -> Any:
-        return 1.05 * PiecewiseQuadratic.prox_slope(self, x, tau)
+    def curvature(self: Any, r: Any) -> Any:
+        return 0.3 + 1.5 * PiecewiseQuadratic.curvature(self, r)
 
-    found = failures(spoiled(prox_slope=prox_slope))
+    found = failures(spoiled(curvature=curvature))
     assert "prox_jacobian is the derivative of prox: it is not" in found
     assert "the jacobian of on_graph is its derivative: it is not" in found
     found = failures(spoiled(distance=lambda self, r, lam: 0.01 + PiecewiseQuadratic.distance(self, r, lam)))

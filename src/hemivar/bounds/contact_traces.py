@@ -33,7 +33,7 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.coupled.joined import join_laws
 from hemivar.laws.scalar_graph import is_straight
-from hemivar.laws.vector_law import lengths
+from hemivar.laws.vector_law import lengths, splits
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.obstacles import obstacle_contact
 
@@ -139,7 +139,7 @@ class ContactTraces:
     @property
     def rule(self) -> PartRule | None:
         """That of every part, of which the points are those of one part after the other; None where the law splits."""
-        return None if self.law.splits else PART_RULES[self.data.table.dim]
+        return None if splits(self.law) else PART_RULES[self.data.table.dim]
 
     @property
     def frames(self) -> Array:
@@ -309,7 +309,7 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
     if not data.problem.contact:
         return None
     table, dim = data.table, data.table.dim
-    rule = None if all(one.law.splits for one in data.problem.contact.values()) else PART_RULES[dim]
+    rule = None if all(splits(one.law) for one in data.problem.contact.values()) else PART_RULES[dim]
     pieces, uncut = [], []
     for number, name in enumerate(data.problem.contact):
         facets = np.flatnonzero(data.contact == number)

@@ -43,6 +43,7 @@ from hemivar.bounds.vertex_moments import shared_on_contact
 from hemivar.discrete.free_motion import describe
 from hemivar.errors import MethodError
 from hemivar.fem.discretize import discretize
+from hemivar.laws.vector_law import is_convex, splits
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import LevelMatrix, Levels
 from hemivar.linear.threads import one_thread
@@ -79,9 +80,9 @@ def not_convex(problem: ContactProblem) -> str:
     laws = [contact.law for contact in problem.contact.values()]
     if any(law.state_dependent for law in laws):
         return "its friction depends on the solution"
-    if not all(law.convex and min(law.alpha_reach) == np.inf for law in laws):
+    if not all(is_convex(law) for law in laws):
         return "its law is not known to be convex"
-    if not all(law.splits for law in laws):
+    if not all(splits(law) for law in laws):
         return "its law couples opening and slip"
     return "" if problem.material.linear else "its material is not linear"
 

@@ -669,9 +669,10 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
             if traces.stated.depends_on_whole_state
             else "the friction bound depends on the pressure, or jumps with the penetration: there is no bound"
         )
-    if min(law.alpha_reach) == 0.0:
-        doubts.append(f"a constant of the law is {law.alpha_doubt}")
-    if traces.stated.lipschitz_sampled:
+    known = law.proof("alpha")
+    if min(known.reach) == 0.0:
+        doubts.append(f"a constant of the law is {known.doubt}")
+    if not traces.stated.proof("lipschitz").sure:
         doubts.append(f"how {_what_depends(traces.stated)} is known from samples only")
     elif traces.rule is not None and traces.stated.state_dependent and coupling < np.inf:
         doubts.append(f"how {_what_depends(traces.stated)} is evaluated at quadrature points only")

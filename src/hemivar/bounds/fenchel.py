@@ -183,7 +183,8 @@ def _proximal(law: VectorLaw, r: Array, xi: Array, alpha: Array, weight: float) 
 def _within(law: VectorLaw, p: Array) -> BoolArray:
     """Whether penetration and slip (m, c) are where alpha is proved, (m, 2); all of them where it is sampled."""
     sizes = np.column_stack([np.abs(p[:, 0]), lengths(p[:, 1:])])
-    return np.asarray((sizes <= law.alpha_reach) | (min(law.alpha_reach) == 0.0))
+    reach = law.proof("alpha").reach
+    return np.asarray((sizes <= reach) | (min(reach) == 0.0))
 
 
 def _fenchel(law: VectorLaw, alpha: Array, r: Array, p: Array, y: Array) -> Array:

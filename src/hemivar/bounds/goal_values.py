@@ -238,7 +238,7 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
         c0, c1 = (np.broadcast_to(np.nan_to_num(c, nan=np.inf, posinf=np.inf), shape[0] * shape[1]).reshape(shape)
                   for c in constants_of_part)  # fmt: skip
         on = weight > 0.0
-        if law.growth_sampled and on.any():
+        if on.any() and not law.proof("growth").sure:
             why = "how the law grows is known from samples only"
         grown = np.where(size > 0.0, c1, 0.0) * size
         total += float(traces.integral((np.where(on, c0, 0.0) + np.where(on, grown, 0.0)) * weight).sum())

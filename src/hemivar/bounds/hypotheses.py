@@ -148,11 +148,12 @@ def stated_conditions(data: BodyData, traces: ContactTraces | None) -> tuple[lis
         if not size <= reach:
             outside.append(f"strains of up to {size:.3g} may lie outside of the reach {reach:g} of the material")
         conditions.append(f"strains of the exact solution are within the reach {reach:g} of the material")
-    if traces is None or min(traces.law.alpha_reach) in (0.0, np.inf):
+    limits = (np.inf,) if traces is None else traces.law.proof("alpha").reach
+    if traces is None or min(limits) in (0.0, np.inf):
         return outside, conditions
     # a quadratic trace is at most six times as large as at the points
     sizes = np.abs(traces.local[..., 0]).max(), np.linalg.norm(traces.local[..., 1:], axis=2).max()
-    for what, size, limit in zip(("penetration", "slip"), sizes, traces.law.alpha_reach, strict=True):
+    for what, size, limit in zip(("penetration", "slip"), sizes, limits, strict=True):
         if not size * (1.0 if data.order == 1 else 6.0) <= limit:
             outside.append(f"the {what} {size:.4g} may lie outside of the reach {limit:g} of its law")
         if limit < np.inf:

@@ -24,6 +24,7 @@ from hemivar.basics.types import Array
 from hemivar.bounds.bare_body import has_constant_normals
 from hemivar.bounds.contact_traces import ContactTraces
 from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws.minimisers import piece_bounds
 from hemivar.laws.scalar_graph import ENDLESS
 
 __all__ = ["loose_motions"]
@@ -62,9 +63,9 @@ def _tells(law: Superpotential) -> bool:
 
     On a piece j'' is monotone.
     """
-    for number in range(law.width + 1):
+    for number in range(law.knots.shape[-1] + 1):
         piece = np.full(law.rows, number)
-        low, high = law.piece_bounds(piece)
+        low, high = piece_bounds(law, piece)
         near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
         for end, sign in ((low, -1.0), (high, 1.0)):
             at = np.where(np.isfinite(end), end, near + sign * ENDLESS * (1.0 + np.abs(near)))

@@ -295,7 +295,8 @@ def _acting(contact: Contact, name: str, u: Array, wanted: Array, corners: Array
     alpha = np.broadcast_to(stated.weak_convexity[column], len(u))
     gap = np.zeros(len(u))
     some = np.flatnonzero((weight > 0.0) & np.isfinite(alpha))
-    if some.size and stated.alpha_reach[column] == np.inf:
+    known = stated.proof("alpha")
+    if some.size and known.reach[column] == np.inf:
         law, s, rest = stated.take(some), share[some], at.reshape(*t.shape, -1)[some]
         paid = _paid(law, column, rest, s, sign * wanted[some], alpha[some], weight[some])
         cheaper = paid[2] < (mean[some] - wanted[some]) ** 2 / weight[some]
@@ -306,9 +307,9 @@ def _acting(contact: Contact, name: str, u: Array, wanted: Array, corners: Array
         doubts.append(
             f"the field leaves the domain of the law of '{name}' by {beyond:.3g}, which the bound does not include"
         )
-    reach, what = stated.alpha_reach[column], "slip" if column else "penetration"
+    reach, what = known.reach[column], "slip" if column else "penetration"
     if alpha.any() and reach == 0.0:
-        doubts.append(f"a constant of the law is {stated.alpha_doubt}")
+        doubts.append(f"a constant of the law is {known.doubt}")
     elif alpha.any() and reach < np.inf:
         conditions.append(f"{what}s of the exact solution are within the reach {reach:g} of the law")
         largest = float(np.abs(r).max(initial=0.0))

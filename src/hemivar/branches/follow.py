@@ -29,6 +29,7 @@ from hemivar.fem import LoadLine, deformation
 from hemivar.fem.as_discrete import ProblemLike
 from hemivar.fem.growing import growing
 from hemivar.fem.load_line import load_names
+from hemivar.laws.vector_law import splits
 from hemivar.solvers import Controls, LoadStepping, Solution, Solver, solve
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import CondensedProblem, condense
@@ -289,7 +290,7 @@ def _starting(problem: DiscreteProblem, low: float, near: bool) -> Solver | None
 def _curves(system: CondensedProblem, equilibrium: Solution) -> Chain | GraphChart:
     """The graphs of the laws: scalar curves, exact to rounding and with falls, where opening and slip are apart."""
     law = system.law
-    if law.splits and not law.state_dependent and system.shape[1] <= 2:
+    if splits(law) and not law.state_dependent and system.shape[1] <= 2:
         return chain_of(system)
     return chart_of(system, equilibrium.local, equilibrium.multiplier)
 

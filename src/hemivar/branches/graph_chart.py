@@ -23,7 +23,7 @@ from hemivar.basics.last_used import Recent
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import Chart, spread
+from hemivar.laws.vector_law import Chart, curve_above_at, spread
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.curves import Curves, negative_eigenvalues
 
@@ -519,5 +519,5 @@ def _flexibilities(stiff: Array, weighed: Array, moves: BoolArray) -> Array:
 
 def _least(law: VectorLaw, r: Array, lam: Array) -> Array:
     """What a must be above, (m, 2)."""
-    parts = law.curve_above_at(r, lam)
+    parts = curve_above_at(law, r, lam)
     return np.stack([np.broadcast_to(part, len(r)) for part in parts], axis=1)

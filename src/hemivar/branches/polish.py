@@ -12,6 +12,7 @@ from hemivar.certificates.linear_bodies import at_tangent
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
+from hemivar.laws.vector_law import splits as law_splits
 from hemivar.solvers import Controls, NonsmoothNewton, Search, Solution, solve
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.solve import suited
@@ -113,7 +114,7 @@ def polish_by_solver(
     """
     problem = solution.problem
     tight = replace(controls, rtol=min(_TIGHT, controls.rtol), atol=0.0, max_time=budget.left, callback=None)
-    splits = problem.law.splits
+    splits = law_splits(problem.law)
     onward = NonsmoothNewton() if splits else NonsmoothNewton(search=Search.DOWNHILL)  # not to a lower one elsewhere
     again = solve(problem, suited(onward, problem), tight, initial=solution, workspace=workspace)
     check_interrupt(again.status)

@@ -24,6 +24,7 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
+from hemivar.laws.vector_law import splits
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.systems.chain import Chain, chain_of, segments_at_most
 from hemivar.systems.workspace import Workspace
@@ -208,7 +209,7 @@ def finding(
     system = kept.condensed(problem)
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
-    plane = problem.contact.components <= 2 and problem.contact_points > 0 and problem.law.splits
+    plane = problem.contact.components <= 2 and problem.contact_points > 0 and splits(problem.law)
     if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
         chain = state_chain_of(system) if dependent else chain_of(system)
     random = np.random.default_rng(options.seed)
@@ -253,7 +254,7 @@ def finding(
             "combinations of pieces and kinks; there may be more"
         )
     if constants is not None and constants.sampled and constants.margin > 0.0:
-        doubt = problem.law.alpha_doubt
+        doubt = problem.law.proof("alpha").doubt
         why = f"alpha is {doubt}" if "reach" in doubt else "rests on sampled constants"
         searched += f"; the margin {constants.margin:.3g} is positive, but {why}"
     if search.full:
@@ -306,7 +307,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
         return SolutionSet(search.sorted(), False, chain.combinations, 0, searched, search.interrupted)
     undecided = search.left_out + points.undecided
     law = search.system.law
-    sampled = law.constants_sampled
+    sampled = not (law.proof("alpha").sure and law.proof("growth").sure)
     limit = search.system.problem.limit
     complete = not (points.continuum or search.full_and_more or undecided or sampled or limit)
     searched = f"all {count} of pieces and kinks were tried"
@@ -328,7 +329,7 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
 
 def _affine(chain: Chain) -> bool:
     law = chain.system.law
-    if law.alpha_sampled:
+    if not law.proof("alpha").sure:
         return False  # that its pieces are straight, and all of them, was only seen at samples
     used = np.arange(chain.kink.shape[1])[None, :] < chain.count[:, None]
     return bool((chain.affine | chain.kink)[used].all())

@@ -28,6 +28,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import StateBound, VectorLaw
 from hemivar.laws.coupled import bounded
+from hemivar.laws.vector_law import prox_jacobian
 from hemivar.linear.definite import REPEATED
 from hemivar.linear.products import portions
 
@@ -366,7 +367,7 @@ def _search(point: Point, margin: float, best: float, ceiling: Array | None) -> 
         gap = (r - image).ravel()[rows]
         if float(np.sqrt(abs(gap @ S @ gap))) <= 1e-13 * start_norm:
             break
-        jacobian = law.prox_jacobian(x, step)
+        jacobian = prox_jacobian(law, x, step)
         block = np.zeros((m * d, m * d))
         index = np.arange(m * d).reshape(m, d)
         for i in range(d):

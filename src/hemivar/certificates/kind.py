@@ -16,7 +16,7 @@ from hemivar.certificates.norms import EnergyNorm, energy_norm
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.laws.vector_law import Sides
+from hemivar.laws.vector_law import Sides, is_convex
 
 __all__ = ["LocalStudy", "kind_of", "study"]
 
@@ -135,7 +135,7 @@ def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: EnergyNorm) 
     """
     kind = study(Point(problem, energy, u, lam)).kind
     if kind is PointKind.DIRECTIONALLY_STATIONARY:
-        convex = problem.law.convex and convex_body(problem)
+        convex = is_convex(problem.law) and convex_body(problem)
         return PointKind.GLOBAL_MINIMISER if convex else kind
     return kind
 

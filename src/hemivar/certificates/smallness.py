@@ -337,15 +337,15 @@ def _constants(
     if m:
         law = problem.law
         if bounds is None:
-            normal, tangential = (np.broadcast_to(alpha, (m,)) for alpha in law.weak_convexity_within(reach))
+            normal, tangential = (np.broadcast_to(alpha, (m,)) for alpha in law.proof("alpha").value(*reach))
         else:
             own = bounded(law)
             unit = ContactLaw(own.normal, Friction(1.0, own.friction.profile))
-            normal, profile = (np.broadcast_to(alpha, (m,)) for alpha in unit.weak_convexity_within(reach))
+            normal, profile = (np.broadcast_to(alpha, (m,)) for alpha in unit.proof("alpha").value(*reach))
             with np.errstate(invalid="ignore"):
                 tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
         coupling_weight = np.broadcast_to(law.steering, (m,))
-        sampled = law.alpha_sampled
+        sampled = not law.proof("alpha").sure
     else:
         normal = tangential = coupling_weight = np.zeros(m)
         sampled = False
@@ -387,7 +387,7 @@ def _constants(
     largest = problem.vectors.largest(
         *(float(values.max(initial=0.0)) for values in (normal, tangential, coupling_weight)),
         float(sampled),
-        float(slips and problem.law.lipschitz_sampled),
+        float(slips and not problem.law.proof("lipschitz").sure),
     )
     alpha_normal, alpha_tangential, m_l, sampled, sampled_rate = largest.tolist()
     m_alpha = max(alpha_normal, alpha_tangential)
@@ -460,7 +460,7 @@ def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
     if not (m and constants.alpha_sampled and problem.vectors.alone):
         return constants, ""
     r, law = problem.local(point.u), problem.law
-    limits = (law.alpha_reach[0], law.alpha_reach[1] if d > 1 else np.inf)
+    limits = (*law.proof("alpha").reach[:d], np.inf)[:2]
     if min(limits) == 0.0:
         return constants, ""
     sizes = float(np.abs(r[:, 0]).max()), float(np.linalg.norm(r[:, 1:], axis=1).max())

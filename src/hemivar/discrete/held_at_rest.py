@@ -37,6 +37,7 @@ from hemivar.discrete.recession import (
 )
 from hemivar.discrete.rigid_modes import RigidModes
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import softens
 
 if TYPE_CHECKING:
     from hemivar.discrete.contact import ContactPoints
@@ -137,7 +138,7 @@ class _Group:
     @property
     def softens(self) -> bool:
         """Whether laws resist more at rest than far away; the recession decides where they are convex."""
-        return bool(len(self.local)) and self.law.softens
+        return bool(len(self.local)) and softens(self.law)
 
     def hold(self) -> Hold:
         """How it is held."""

@@ -26,7 +26,7 @@ from hemivar.discrete.recession import CoercivityProof
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import polar
+from hemivar.laws.vector_law import polar, softens
 from hemivar.linear.vectors import Vectors
 from hemivar.mesh.mesh import Mesh
 
@@ -392,7 +392,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         shown = self._shown
         if shown is None or shown.covers(self._held_by):
             return None if shown is None else shown.limit
-        perhaps = shown.limit is not None or (shown.idle is not None and self.law.softens)
+        perhaps = shown.limit is not None or (shown.idle is not None and softens(self.law))
         if not perhaps or self.field is None or not isinstance(self.bulk, Quadratic):
             return None
         return limit_of(self.field, self.contact, self.loading, self.model.free_motions)

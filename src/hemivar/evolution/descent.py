@@ -18,6 +18,7 @@ from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import StepMatrices
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import splits
 from hemivar.linear.definite import REPEATED
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
@@ -207,7 +208,7 @@ def gradient_flow(
             return replace(solution, problem=problem, residual=off)
         if slowed.contact is not None and _endless(problem, u, increment):
             return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
-        known = dependent or not problem.law.splits or problem.contact.components > 2
+        known = dependent or not splits(problem.law) or problem.contact.components > 2
         if chain is None and not known and by.workspace.condenses(slow):
             system = by.workspace.condensed(problem)
             chain = chain_of(system) if system.free.size <= REPEATED else None

@@ -35,6 +35,7 @@ from hemivar.laws.coupled import join_laws
 from hemivar.laws.memory import MemoryChain
 from hemivar.laws.normal_and_friction import with_friction
 from hemivar.laws.transformed.algebra import homogeneous
+from hemivar.laws.vector_law import stores_slip
 from hemivar.linear.vectors import Vectors
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.statement import ContactProblem
@@ -204,7 +205,7 @@ class DiscreteEvolution(PickleMixin):
     @cached_property
     def stores_slip(self) -> BoolArray:
         """Contact points (m,) that store what slips there work against."""
-        return self._whether(lambda law: law.stores_slip)
+        return self._whether(stores_slip)
 
     @cached_property
     def breakable(self) -> int:

@@ -22,6 +22,7 @@ from hemivar.evolution.state import TimeState
 from hemivar.evolution.time_error import TimeError
 from hemivar.laws import VectorLaw
 from hemivar.laws.memory import MemoryChain
+from hemivar.laws.vector_law import weak_convexity_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -192,21 +193,20 @@ class History(PickleMixin, ReprMixin):
             why = ""
             if np.isinf(law.lipschitz).any():
                 why = ": a friction bound that depends on the pressure, as Coulomb's, or jumps has no uniqueness margin"
-            elif any(np.isinf(alpha).any() for alpha in law.weak_convexity_at(-problem.offset)):
+            elif any(np.isinf(alpha).any() for alpha in weak_convexity_at(law, -problem.offset)):
                 why = ": a law that drops discontinuously has no uniqueness margin"
             return f"{lost} step{'s' if lost > 1 else ''} may have several solutions{why}"
         damped = [one.damping for one in contacts if one.damping is not None]
-        sampled = law.alpha_doubt or law.lipschitz_sampled
+        known, unsure_bound = law.proof("alpha"), not law.proof("lipschitz").sure
         iterated = [part.name for one in contacts for part in one.remembers if part.iterates]
         if self.discrete.heat is not None:
             iterated.append("heat")
         if iterated:
             what = " and ".join(dict.fromkeys(iterated))
             return f"every step has one solution only for given {what}, which it iterates: the margin is one without it"
-        if sampled or any(one.alpha_sampled for one in damped):
-            doubt = law.alpha_doubt
-            if "reach" in doubt and not law.lipschitz_sampled:
-                return f"every step has one solution only if alpha of the law holds, which is {doubt}"
+        if not known.sure or unsure_bound or any(not one.proof("alpha").sure for one in damped):
+            if "reach" in known.doubt and not unsure_bound:
+                return f"every step has one solution only if alpha of the law holds, which is {known.doubt}"
             return "every step has one solution only, as far as samples of the law show"
         return "every step has one solution only"
 

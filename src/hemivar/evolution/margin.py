@@ -39,6 +39,7 @@ from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import BoundaryLaw
 from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.laws.vector_law import alpha_is_one, softens, weak_convexity_at
 from hemivar.solvers import Solution
 from hemivar.systems.elimination import SchurComplement
 
@@ -153,7 +154,7 @@ class Margins:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
         problem, body = stage.problem, stage.operator.base.model
         law = problem.law
-        if self._known[0] is body and self._known[1] is law and law.alpha_is_one:
+        if self._known[0] is body and self._known[1] is law and alpha_is_one(law):
             return self._known[2]
         margin = margin_at(problem, solution.unknowns, solution.multiplier, self.stepper.stages.workspace)
         self._known = body, law, margin
@@ -181,7 +182,7 @@ class Margins:
         return length
 
     def _largest_of(self, taken: StepResult, problem: DiscreteProblem) -> float:
-        alphas = [np.asarray(alpha) for alpha in problem.law.weak_convexity_at(-problem.offset)]
+        alphas = [np.asarray(alpha) for alpha in weak_convexity_at(problem.law, -problem.offset)]
         blocks = taken.stages[0].law.blocks
         if not any(alpha.any() for alpha in alphas) and not any(_may_soften(block) for block in blocks):
             return math.inf
@@ -269,4 +270,4 @@ class Margins:
 
 def _may_soften(block: BoundaryLaw) -> bool:
     """Whether a law may soften in a step of some length, though it does not in this one."""
-    return block.given.softens or (block.damping is not None and bool(np.any(block.damping.weak_convexity)))
+    return softens(block.given) or (block.damping is not None and bool(np.any(block.damping.weak_convexity)))

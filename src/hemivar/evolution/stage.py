@@ -18,6 +18,7 @@ from hemivar.evolution.state import Kinematics, Rates, TimeState
 from hemivar.evolution.step_laws import StepLaw
 from hemivar.evolution.step_operator import StepOperator
 from hemivar.fem.lift import linear_response
+from hemivar.laws.vector_law import softens
 from hemivar.solvers import Solution
 from hemivar.solvers.newton_on_graph import ForceResidual
 
@@ -178,7 +179,7 @@ def discrete_stage(
         held_at = body.displacement[n:]
         change = (end.prescribed - held_at) / rule.reach
         prediction[n:] = held_at + change
-        if not (discrete.linear or step_law.law.softens) and change.any():
+        if not (discrete.linear or softens(step_law.law)) and change.any():
             prediction[:n] += _following(discrete, operator, change)
     if end.offset is not offset:
         offset = offset + (end.offset - offset) / rule.reach

@@ -37,6 +37,7 @@ from hemivar.evolution.stage import Stage, StageState, extrapolated_multiplier, 
 from hemivar.evolution.walk import Walk
 from hemivar.fem.load_line import LoadLine
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import weak_convexity_at
 from hemivar.linear.definite import REPEATED
 from hemivar.solvers import (
     Controls,
@@ -249,7 +250,7 @@ class StageSolver:
         problem = stage.problem
         if not problem.contact_points:
             return -1.0
-        if not any(alpha.any() for alpha in problem.law.weak_convexity_at(-problem.offset)):
+        if not any(alpha.any() for alpha in weak_convexity_at(problem.law, -problem.offset)):
             return -1.0
         law = problem.law
         return self.constant(stage, law.frozen_at(-problem.offset) if law.state_dependent else law) - 1.0
@@ -366,7 +367,7 @@ class StageSolver:
 
         It is a strict minimiser of the energy: the method goes on from any other.
         """
-        alphas = stage.problem.law.weak_convexity_at(-stage.problem.offset)
+        alphas = weak_convexity_at(stage.problem.law, -stage.problem.offset)
         if not all(bool(np.isfinite(alpha).all()) for alpha in alphas):
             return None
         near = self._nearby(stage, None, controls, from_rest=True)

@@ -219,7 +219,7 @@ def bound_in_time(stepper: TimeStepper) -> TimeBound:
         return TimeBound(stepper, "viscosity", why, 1.0 - known.margin, _fading(stated), factor)
     points = discrete.problem.contact.points
     rates = [contact.damping.at(points) for contact in discrete.contacts.values() if contact.damping is not None]
-    if any(rate.weak_convexity.any() or rate.alpha_sampled for rate in rates):
+    if any(rate.weak_convexity.any() or not rate.proof("alpha").sure for rate in rates):
         return TimeBound(stepper, "", "a law of the normal rate is not monotone, or not known to be")
     if not all(isinstance(contact.normal, Bilateral | NoContact) for contact in discrete.contacts.values()):
         return TimeBound(stepper, "", "a law of the penetration acts beside a law of the rate")

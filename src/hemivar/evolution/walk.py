@@ -19,6 +19,7 @@ from hemivar.basics.deadline import Budget, check_time
 from hemivar.basics.types import Array
 from hemivar.evolution.barrier import PARTS, bends_downwards
 from hemivar.evolution.descent import AWAY, FLOW_STEPS, TIGHT
+from hemivar.laws.vector_law import weak_convexity_at
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import iterate
@@ -111,7 +112,7 @@ class Walk:
 
     def _newton(self, system: CondensedProblem, r: Array, lam: Array) -> GraphPoint | None:
         """Where Newton's equations lead from a pair; None where they do not settle."""
-        equation = GraphEquation.of(system, system.law.weak_convexity_at(r))
+        equation = GraphEquation.of(system, weak_convexity_at(system.law, r))
         point = None if equation is None else equation.begin(np.where(system.active, r, system.fixed), lam)
         for _ in range(FEW_ROUNDS):
             change = None if point is None or equation is None else equation.step(point, _DIRECT)

@@ -70,6 +70,7 @@ def initial_load(problem: ContactProblem) -> Array:
         forces -= np.einsum("kij,klj,k->kli", rows[:, body.rows], slopes, measures)
         if body.ring:
             forces[:, :, 0] -= (around * measures / points[:, 0])[:, None] * values
-    count = len(mesh.nodes(order))
-    parts = (np.bincount(nodes.ravel(), weights=part.ravel(), minlength=count) for part in np.moveaxis(forces, 2, 0))
-    return np.stack(list(parts), axis=1).ravel()
+    load, targets = np.zeros((len(mesh.nodes(order)), mesh.dim)), nodes.ravel()
+    for component, part in zip(load.T, np.moveaxis(forces, 2, 0), strict=True):
+        component += np.bincount(targets, weights=part.ravel(), minlength=len(load))
+    return load.ravel()

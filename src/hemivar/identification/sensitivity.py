@@ -15,7 +15,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import spread
+from hemivar.laws.vector_law import prox_jacobian, spread
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["derivative_by_law"]
@@ -40,7 +40,7 @@ def derivative_by_law(
     tau = _steps(system)
     wide = spread(tau, d)
     x = r + wide * multiplier
-    P = system.law.prox_jacobian(x, tau)
+    P = prox_jacobian(system.law, x, tau)
     base = system.law.prox(x, tau)
     right = np.stack([((law.prox(x, tau) - base) / step).ravel() for law, step in changed], axis=1)
     S = np.asarray(system.matrix).reshape(m, d, m * d)

@@ -17,6 +17,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.kernels import kernels
 from hemivar.kernels.library import Kernels
+from hemivar.laws.minimisers import piece_bounds
 
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential
@@ -65,13 +66,16 @@ class LaidOut:
         return _Scalar(rows, self.knots, self.formula, self.factor.size, length, *at)
 
 
-def lay_out(law: Superpotential) -> LaidOut | None:
-    """The numbers of a law with resolved parameters; None where the kernels do not know it."""
-    formula, rows = law.known_formula, law.rows
+def lay_out(law: Superpotential, formula: tuple[int, Array] | None = None) -> LaidOut | None:
+    """The numbers of a law with resolved parameters; None where the kernels do not know it.
+
+    They know straight pieces, and a ``formula`` on both sides of 0: its number and parameters (m or 1, k).
+    """
+    rows = law.rows
     if law.searched or not rows or not (law.straight or formula):
         return None
     domain, (left, right), knots = law.domain, law.knot_slopes(), law.knots
-    alpha = np.inf if law.alpha_sampled and not law.convex else law.weak_convexity
+    alpha = law.weak_convexity if law.convex or law.proof("alpha").sure else np.inf
     parts = [
         *(np.broadcast_to(end, (rows,))[:, None] for end in (domain.lower, domain.upper, alpha)),
         np.stack([np.broadcast_to(part, knots.shape) for part in (knots, left, right)], axis=-1).reshape(rows, -1),
@@ -88,9 +92,9 @@ def _pieces(law: Superpotential) -> list[Array]:
     slope and energy."""
     pieces, rows = [], law.rows
     knots = np.where(np.isfinite(law.knots), law.knots, 0.0)
-    for i in range(law.width + 1):
+    for i in range(knots.shape[-1] + 1):
         piece, anchor = np.full(rows, i, dtype=np.int64), knots[:, max(i - 1, 0)]
-        low, high = law.piece_bounds(piece)
+        low, high = piece_bounds(law, piece)
         nearest = np.clip(np.zeros(rows), low, high)
         nearest = np.where(np.isfinite(nearest), nearest, anchor)  # beyond the last knot that is used
         slope, bend = law.piece_line(piece, anchor)

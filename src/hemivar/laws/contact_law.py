@@ -17,8 +17,19 @@ from hemivar.laws.contact_chart import ContactChart, GraphTables, follow
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
+from hemivar.laws.minimisers import piece_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
-from hemivar.laws.scalar_graph import is_continuous, local_minimiser, nearest_knot, one_sided, radial_sides, steepest
+from hemivar.laws.proof import Constant, Proof
+from hemivar.laws.scalar_graph import (
+    is_continuous,
+    kink_within,
+    local_minimiser,
+    nearest_knot,
+    one_sided,
+    prox_slope,
+    radial_sides,
+    steepest,
+)
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, lengths, polar, spread
@@ -75,8 +86,8 @@ class ContactLaw(NormalAndFriction):
         return self.tangential.name
 
     @property
-    def splits(self) -> bool:
-        return True
+    def not_separable(self) -> str:
+        return ""
 
     @cached_property
     def tangential(self) -> Superpotential:
@@ -185,10 +196,10 @@ class ContactLaw(NormalAndFriction):
         if self._compiled is not None:
             return self._compiled.clamp(start, end)
         out, law = end.copy(), self.normal
-        out[:, 0] = np.clip(end[:, 0], *law.piece_bounds(law.piece_of(start[:, 0])))
+        out[:, 0] = np.clip(end[:, 0], *piece_bounds(law, law.piece_of(start[:, 0])))
         if end.shape[1] > 1:
             law, (length, heading), (size, own) = self.tangential, polar(end[:, 1:]), polar(start[:, 1:])
-            low, high = law.piece_bounds(law.piece_of(size))
+            low, high = piece_bounds(law, law.piece_of(size))
             forwards = np.einsum("mi,mi->m", own, end[:, 1:]) > 0.0
             out[:, 1:] = np.where(
                 forwards[:, None], np.clip(length, low, high)[:, None] * heading, np.maximum(low, 0.0)[:, None] * own
@@ -229,7 +240,7 @@ class ContactLaw(NormalAndFriction):
         if not isinstance(bound, StateBound):
             each = spread(a, p.shape[1])
             r = self.local_argmin(a, p)
-            return OnGraph(r, p - each * r, self.prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
+            return OnGraph(r, p - each * r, self._prox_jacobian(p / each, 1.0 / a) / each[:, None, :])
         normal = ContactLaw(self.normal).on_graph(p[:, :1], a)
         penetration, pressure = normal.r[:, 0], normal.multiplier[:, 0]
         at_bound = ContactLaw(self.normal, self.friction.frozen(penetration, pressure)).on_graph(p, a)
@@ -259,14 +270,14 @@ class ContactLaw(NormalAndFriction):
             return ContactChart(self, a, tables, slip)
         return ContactChart(self, a, tables, slip, bound, (self.normal, self.friction.profile))
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+    def _prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape
         jacobian = np.zeros((m, d, d))
-        jacobian[:, 0, 0] = self.normal.prox_slope(x[:, 0], tau[:, 0])
+        jacobian[:, 0, 0] = prox_slope(self.normal, x[:, 0], tau[:, 0])
         if d > 1:
             size, direction = polar(x[:, 1:])
             length = self.tangential.prox(size, tau[:, 1])
-            slope = self.tangential.prox_slope(size, tau[:, 1])
+            slope = prox_slope(self.tangential, size, tau[:, 1])
             ratio = np.where(size > 0.0, length / np.where(size > 0.0, size, 1.0), slope)
             outer = np.einsum("mi,mj->mij", direction, direction)
             jacobian[:, 1:, 1:] = ratio[:, None, None] * (np.eye(d - 1) - outer) + slope[:, None, None] * outer
@@ -299,26 +310,20 @@ class ContactLaw(NormalAndFriction):
             return rate
         return rate + self._sure_friction.recession(lengths(direction[:, 1:]))
 
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        slip = self.friction.profile if self.state_dependent else self.tangential
-        normal, tangential = (
-            law.weak_convexity if far == np.inf else law.weak_convexity_within(far)
-            for law, far in zip((self.normal, slip), reach, strict=True)
-        )
-        if self.state_dependent:  # whatever the bound
-            tangential = np.where(tangential > 0.0, np.inf, 0.0)
-        return normal, tangential
+    def proof(self, constant: Constant) -> Proof:
+        known = super().proof(constant)
+        return replace(known, values=(known.values[0], self._alpha_of_slip)) if constant == "alpha" else known
+
+    def _alpha_of_slip(self, reach: float) -> Array:
+        if not self.state_dependent:
+            return self.tangential.proof("alpha").value(reach)[0]
+        return np.where(self.friction.profile.proof("alpha").value(reach)[0] > 0.0, np.inf, 0.0)  # whatever the bound
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
         if self.friction.profile.convex:  # whatever the bound
             return self.normal.weak_convexity, np.zeros(1)
-        return self.weak_convexity_within((np.inf, np.inf))
-
-    def weak_convexity_at(self, r: Array) -> tuple[Array, Array]:
-        if self.friction.profile.convex:  # whatever the bound
-            return self.normal.weak_convexity, np.zeros(1)
-        return self.frozen_at(r).weak_convexity
+        return self.normal.weak_convexity, self._alpha_of_slip(np.inf)
 
     @property
     def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -365,11 +370,11 @@ class ContactLaw(NormalAndFriction):
 
     def snap_to_kinks(self, r: Array, near: float) -> Array:
         out = r.copy()
-        knot = self.normal.kink_within(r[:, 0], near)
+        knot = kink_within(self.normal, r[:, 0], near)
         out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])
         if r.shape[1] > 1:
             size = lengths(r[:, 1:])
-            knot = self.tangential.kink_within(size, near)
+            knot = kink_within(self.tangential, size, near)
             scale = np.where(np.isfinite(knot) & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
             out[:, 1:] = r[:, 1:] * scale[:, None]
         return out

@@ -41,7 +41,7 @@ class Crossings:
 
 def crossings(law: Superpotential, r: Array, direction: Array) -> Crossings:
     """The knots of a law with straight pieces ahead of ``r (m,)`` in directions (m,)."""
-    knots, bends, (left, right) = law.knots, law.bends, law.knot_slopes()
+    knots, bends, (left, right) = law.knots, law._bends, law.knot_slopes()
     ahead, here = direction > 0.0, r[:, None]
     piece = np.where(ahead, (knots <= here).sum(axis=-1), (knots < here).sum(axis=-1))
     slope, bend = law.piece_line(piece, r)

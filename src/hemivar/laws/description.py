@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.laws.minimisers import FAR
+from hemivar.laws.minimisers import FAR, piece_bounds
 
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential
@@ -165,10 +165,11 @@ def describe(law: Superpotential, point: int = 0) -> LawDescription:
     falls = tuple(kink.place for kink in kinks if kink.jump < 0.0)
     pieces: list[tuple[str, float, float]] = []
     steepest, where = 0.0, None
-    within = law.alpha_reach or np.inf
+    known = law.proof("alpha")
+    within = known.reach[0] or np.inf
     for i in range(len(places) + 1):
         piece = np.array([i])
-        low, high = (float(end[0]) for end in law.piece_bounds(piece))
+        low, high = (float(end[0]) for end in piece_bounds(law, piece))
         if low >= high:
             continue
         for r in (max(low, -within), min(high, within)):
@@ -199,16 +200,16 @@ def describe(law: Superpotential, point: int = 0) -> LawDescription:
         c1=c1,
         recession=(rates[0], rates[1]),
         coercive_above=max(0.0, -outward),
-        alpha_sampled=law.alpha_sampled,
-        growth_sampled=law.growth_sampled,
-        alpha_reach=law.alpha_reach,
+        alpha_sampled=not known.sure,
+        growth_sampled=not law.proof("growth").sure,
+        alpha_reach=known.reach[0],
         falls_far_out=_falls_far_out(law, alpha),
     )
 
 
 def _falls_far_out(law: Superpotential, alpha: float) -> bool:
     """Whether the derivative of a law at one contact point falls the faster the farther out it is, beyond alpha."""
-    if not (law.alpha_sampled or math.isinf(alpha)):
+    if law.proof("alpha").sure and not math.isinf(alpha):
         return False
     for sign in (-1.0, 1.0):
         far = sign * FAR * np.array([1.0, 10.0])

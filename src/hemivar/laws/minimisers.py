@@ -25,6 +25,7 @@ __all__ = [
     "knot_forces",
     "local_argmin",
     "local_minimisers",
+    "piece_bounds",
     "stationary_point",
 ]
 
@@ -39,6 +40,15 @@ MANY = 40
 _PLACES = 600
 #: What rounding leaves of a force that is the sum of others.
 _NO_FORCE = float(np.finfo(float).eps)
+
+
+def piece_bounds(law: Superpotential, piece: IntArray) -> tuple[Array, Array]:
+    """End points of each piece of a law, cut at the domain."""
+    last = (law.searched or law.knots.shape[-1]) - 1
+    low = np.where(piece > 0, law.place_of(np.maximum(piece - 1, 0)), -np.inf)
+    high = np.where(piece <= last, law.place_of(np.minimum(piece, last)), np.inf)
+    ends = law.domain
+    return np.clip(low, ends.lower, ends.upper), np.clip(high, ends.lower, ends.upper)
 
 
 def knot_forces(law: Superpotential, a: Array) -> tuple[Array, Array]:
@@ -66,11 +76,11 @@ def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Ar
     energies = np.full((*shape, 2 * count + 1), np.inf)
     for i in range(count + 1):
         piece = np.full(shape, i, dtype=np.int64)
-        low, high = law.piece_bounds(piece)
+        low, high = piece_bounds(law, piece)
         start = psi_right[..., i - 1] if i > 0 else np.full(shape, -np.inf)
         end = psi_left[..., i] if i < count else np.full(shape, np.inf)
         inside = low < high  # not beyond the last knot, where knots are unused
-        low, high, start, end = law.convex_part(piece, a, b, low, high, start, end)
+        low, high, start, end = convex_part(law, piece, a, b, low, high, start, end)
         admissible = inside & (low < high) & (start < 0.0) & (end > 0.0)
         root, exists = law.stationary_point(piece, a, b, low, high, admissible)
         points[..., i] = np.where(exists, root, 0.0)
@@ -170,7 +180,7 @@ def golden_section(energy: Callable[[Array], Array], low: Array, high: Array) ->
 def _argmin(law: Superpotential, a: Array, b: Array) -> Array:
     """:func:`local_argmin` where the points do not share many knots; nan where no piece and no knot holds it."""
     # A constant that is sampled may be too small: then all pieces are looked at.
-    if law.convex or (not law.alpha_sampled and (a > law.weak_convexity).all()):
+    if law.convex or ((a > law.weak_convexity).all() and law.proof("alpha").sure):
         return _argmin_of_growing(law, a, b)
     points, energies = law.local_minimisers(a, b)
     best = np.argmin(energies, axis=-1)[..., None]
@@ -231,8 +241,8 @@ def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
     start = np.where(piece > 0, above[row, np.maximum(piece - 1, 0)] - b[row], -np.inf)
     end = np.where(piece < count, below[row, np.minimum(piece, count - 1)] - b[row], np.inf)
     some = law if law.rows == 1 else law.take(row)
-    low, high = some.piece_bounds(piece)
-    low, high, first, last = some.convex_part(piece, a[row], b[row], low, high, start, end)
+    low, high = piece_bounds(some, piece)
+    low, high, first, last = convex_part(some, piece, a[row], b[row], low, high, start, end)
     keep = (low < high) & (first < 0.0) & (last > 0.0)
     some = some if some.rows == 1 else some.take(np.flatnonzero(keep))
     row, piece, low, high = row[keep], piece[keep], low[keep], high[keep]
@@ -267,7 +277,7 @@ def _argmin_of_growing(law: Superpotential, a: Array, b: Array) -> Array:
 
 def _on_graph(law: Superpotential, a: Array, b: Array, piece: IntArray, at_knot: BoolArray) -> Array:
     """Where ``a r + j'(r) = b``: at the knot that ends the piece, or on the piece."""
-    lower, upper = law.piece_bounds(piece)
+    lower, upper = piece_bounds(law, piece)
     inside, exists = law.stationary_point(piece, a, b, lower, upper, ~at_knot & (lower < upper))
     return np.where(at_knot, upper, np.where(exists, inside, np.nan))
 

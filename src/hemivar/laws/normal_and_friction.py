@@ -14,10 +14,12 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.friction_law import Friction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.glue import Glue
+from hemivar.laws.proof import Constant, Proof, beside, worst
+from hemivar.laws.scalar_graph import past_peak
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed import plus, secant
 from hemivar.laws.transformed.algebra import secant_stiffness
-from hemivar.laws.vector_law import VectorLaw, lengths
+from hemivar.laws.vector_law import VectorLaw, lengths, stores_slip
 
 __all__ = ["NormalAndFriction", "with_friction"]
 
@@ -50,10 +52,6 @@ class NormalAndFriction(Glue):
     def follows_slip(self) -> bool:
         return self.friction.of is SlipMeasure.SLIP
 
-    @property
-    def stores_slip(self) -> bool:
-        return self.follows_slip and not self.state_dependent
-
     def in_increments(self, rate: float) -> Self:
         friction = friction_in_increments(self.friction, rate)
         return self if friction is self.friction else self.with_parts(friction=friction)
@@ -69,7 +67,7 @@ class NormalAndFriction(Glue):
         return self.with_parts(friction=replace(self.friction, profile=ABSOLUTE_VALUE.scaled(static)))
 
     def stored_energy(self, r: Array) -> Array:
-        return self.value(r) if self.stores_slip else self.normal.value(r[:, 0])
+        return self.value(r) if stores_slip(self) else self.normal.value(r[:, 0])
 
     # ---- glue that remembers ----------------------------------------------------------------------------
 
@@ -138,14 +136,6 @@ class NormalAndFriction(Glue):
         steepest = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
         return np.where(rate > 0.0, np.where(rate > 0.0, rate, 1.0) * steepest, 0.0)
 
-    @property
-    def lipschitz_sampled(self) -> bool:
-        bound = self.friction.bound
-        if not isinstance(bound, StateBound):
-            return False
-        rises = np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf))
-        return bound.lipschitz_sampled or (bool(rises) and self.friction.profile.growth_sampled)
-
     def resistance(self, r: Array, lam: Array) -> Array:
         return self.friction.frozen(r[:, 0], lam[:, 0]).bounds
 
@@ -155,26 +145,16 @@ class NormalAndFriction(Glue):
 
     # ---- what is known of the parts ---------------------------------------------------------------------
 
-    @property
-    def alpha_is_one(self) -> bool:
-        return not self.state_dependent or self.friction.profile.convex
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        return self.normal.alpha_reach, self.friction.profile.alpha_reach
-
-    @property
-    def constants_sampled(self) -> bool:
-        return self.normal.constants_sampled or self.friction.profile.constants_sampled
-
-    @property
-    def growth_sampled(self) -> bool:
-        return self.normal.growth_sampled or self.friction.profile.growth_sampled
-
-    @property
-    def softens(self) -> bool:
-        normal, profile = self.normal.weak_convexity, self.friction.profile.weak_convexity
-        return bool((normal > 0.0).any() or (profile > 0.0).any())
+    def proof(self, constant: Constant) -> Proof:
+        normal, profile, bound = self.normal, self.friction.profile, self.friction.bound
+        if constant == "alpha":
+            return beside(normal.proof("alpha"), profile.proof("alpha"))
+        if constant == "growth":
+            return worst([normal.proof("growth"), profile.proof("growth")])
+        if not isinstance(bound, StateBound):
+            return Proof()
+        rises = np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf))
+        return worst([bound.proof, profile.proof("growth")]) if rises else bound.proof
 
     @property
     def penetrations(self) -> Interval:
@@ -203,11 +183,8 @@ class NormalAndFriction(Glue):
     def at_normal_kink(self, r: Array) -> BoolArray:
         return self.normal.at_kink(r[:, 0])
 
-    def pulls(self, r: Array) -> BoolArray:
-        return np.asarray(self.pressures(r).lower < 0.0)
-
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        return self.normal.past_peak(r[:, 0], pull, near, slack)
+        return past_peak(self.normal, r[:, 0], pull, near, slack)
 
     def debonding(self, r: Array) -> dict[str, Array]:
         return self.normal.debonding(r[:, 0])

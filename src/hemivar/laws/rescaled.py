@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.parameters import common_rows
+from hemivar.laws.proof import Constant, Proof
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["RescaledLaw", "ResolvedLaw", "moved_ends", "row", "separated", "taken"]
@@ -80,10 +81,6 @@ class RescaledLaw(ResolvedLaw):
         """Name of the law that is scaled."""
         return self.base.name
 
-    @property
-    def made_of(self) -> tuple[Superpotential, ...]:
-        return (self.base,)
-
     @cached_property
     def moved(self) -> bool:
         """Whether the argument is another one."""
@@ -121,8 +118,10 @@ class RescaledLaw(ResolvedLaw):
         r = self.base.place_of(knot)
         return np.asarray((r - self.c) / self.theta) if self.moved else r
 
-    def knots_before(self, r: Array) -> IntArray:
-        near = self.base.knots_before(self._argument(r))
+    def piece_of(self, r: Array) -> IntArray:
+        if not self.searched:
+            return super().piece_of(r)
+        near = self.base.piece_of(self._argument(np.asarray(r, dtype=float)))
         if self.moved:  # the knot is where it is said to be, whatever rounding makes of its argument
             near = near + ((near < self.searched) & (self.place_of(np.minimum(near, self.searched - 1)) < r))
             near = near - ((near > 0) & (self.place_of(np.maximum(near - 1, 0)) >= r))
@@ -199,16 +198,16 @@ class RescaledLaw(ResolvedLaw):
         """alpha, see there."""
         return self._times(self.theta * self.base.weak_convexity)
 
-    @property
-    def alpha_reach(self) -> float:
-        reach = self.base.alpha_reach
-        return max(float(((reach - np.abs(self.c)) / self.theta).min(initial=np.inf)), 0.0) if self.moved else reach
+    def proof(self, constant: Constant) -> Proof:
+        known = self.base.proof(constant)
+        (reach,) = known.reach
+        if self.moved:
+            reach = max(float(((reach - np.abs(self.c)) / self.theta).min(initial=np.inf)), 0.0)
+        return replace(known, reach=(reach,), values=(self._alpha_within,) if constant == "alpha" else ())
 
-    def weak_convexity_within(self, reach: float) -> Array:
-        if not self.moved:
-            return self._times(self.base.weak_convexity_within(reach))
-        inner = reach if np.isinf(reach) else float((self.theta * reach + np.abs(self.c)).max())
-        return self._times(self.theta * self.base.weak_convexity_within(inner))
+    def _alpha_within(self, reach: float) -> Array:
+        inner = reach if np.isinf(reach) else float((self.theta * reach + np.abs(self.c)).max(initial=0.0))
+        return self._times(self.theta * self.base.proof("alpha").value(inner)[0])
 
     @property
     def growth(self) -> tuple[Array, Array]:

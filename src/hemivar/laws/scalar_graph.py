@@ -11,6 +11,7 @@ import numpy as np
 from hemivar.basics.arrays import CACHED, ROUNDED
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.minimisers import piece_bounds
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Sides
 
@@ -18,10 +19,13 @@ __all__ = [
     "ENDLESS",
     "is_continuous",
     "is_straight",
+    "kink_within",
     "local_minimiser",
     "nearest_knot",
     "one_sided",
     "part_of",
+    "past_peak",
+    "prox_slope",
     "radial_sides",
     "steepest",
     "straightness",
@@ -43,15 +47,65 @@ def is_continuous(law: Superpotential) -> bool:
     return not (np.abs(right - left) > ROUNDED * np.maximum(np.abs(left), np.abs(right))).any()
 
 
+def kink_within(law: Superpotential, r: Array, near: float) -> Array:
+    """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
+    best, kink = np.full(r.shape, near), np.full(r.shape, np.nan)
+    count, after = law.searched or law.knots.shape[-1], law.piece_of(r)
+    for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
+        inside = np.clip(knot, 0, count - 1)
+        there = law.place_of(inside)
+        off = np.abs(r - there)
+        left, right = law.slopes_at(inside)
+        better = (left != right) & (off <= best)
+        best, kink = np.where(better, off, best), np.where(better, there, kink)
+    return kink
+
+
+def past_peak(
+    law: Superpotential, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0
+) -> BoolArray:
+    """Whether a law pulls less than at some smaller opening, or its pull -j' falls there, (m,).
+
+    What it pulls at smaller openings is looked at in knots; openings are negative penetrations.  With ``pull (m,)``, it
+    pulls with that where ``r`` may lie on a jump; ``near`` and ``slack`` are rounding of ``r``, and of the pull.
+    """
+    bound, largest_at = law.domain, _pulls(law)
+    own = np.clip(np.asarray(r, dtype=float), bound.lower, bound.upper)
+    inside = np.clip(own + near, bound.lower, bound.upper)
+    piece = law.piece_of(inside)
+    rows = np.broadcast_to(largest_at, (len(inside), largest_at.shape[-1]))
+    slope, curvature = law.piece_line(piece, inside)
+    largest = np.maximum(np.take_along_axis(rows, piece[:, None], axis=1)[:, 0], -slope)
+    pull = -law.derivative(own) if pull is None else pull
+    with np.errstate(over="ignore", invalid="ignore"):
+        weaker = (largest > slack) & (pull < largest * (1.0 - 1e-9) - slack)
+        falls = (pull > slack) & (-curvature * np.abs(own) > np.maximum(slack, 1e-9 * pull))
+        return np.asarray(weaker | falls)
+
+
+def _pulls(law: Superpotential) -> Array:
+    """The largest pull at each knot and all greater ones, ``(m or 1, K + 1)``; -inf beyond the last."""
+    sides = [np.where(np.isfinite(side) & np.isfinite(law.knots), -side, -np.inf) for side in law.knot_slopes()]
+    ends = np.full((*law.knots.shape[:-1], 1), -np.inf)
+    at_knots = np.concatenate([np.maximum(*sides), ends], axis=-1)
+    return np.maximum.accumulate(at_knots[..., ::-1], axis=-1)[..., ::-1]
+
+
+def prox_slope(law: Superpotential, x: Array, tau: Array) -> Array:
+    """Derivative of the prox in ``x``: 0 at a kink, ``1/(1 + tau j'')`` elsewhere."""
+    r = law.prox(x, tau)
+    return np.where(law.at_kink(r), 0.0, 1.0 / (1.0 + tau * law.curvature(r)))
+
+
 def part_of(law: Superpotential, r: Array) -> IntArray:
     """The part of the graph that holds each ``r (m,)``, pieces and knots counted in turn."""
     piece = law.piece_of(r)
-    return np.asarray(2 * piece + (law.piece_bounds(piece)[1] == r))
+    return np.asarray(2 * piece + (piece_bounds(law, piece)[1] == r))
 
 
 def straightness(law: Superpotential, piece: IntArray) -> tuple[Array, BoolArray]:
     """j'' on one piece (m,) for each point, and whether it is the same all along it: j'' is monotone there."""
-    low, high = law.piece_bounds(piece)
+    low, high = piece_bounds(law, piece)
     near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
     size = np.where(np.isfinite(high), -1.0, 1.0) * (1.0 + np.abs(near))
     with np.errstate(all="ignore"):

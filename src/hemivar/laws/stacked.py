@@ -11,6 +11,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.description import LawDescription
+from hemivar.laws.proof import Constant, Proof, gathered
 from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["StackedLaw", "gathered_debonding"]
@@ -31,9 +32,9 @@ class StackedLaw(Superpotential):
 
     def _gather(self, ask: Callable[[Superpotential, IntArray], Array]) -> Array:
         """What each part says of its contact points, (m,)."""
-        answers = [
-            np.broadcast_to(ask(part, index), index.shape) for part, index in zip(self.parts, self.indices, strict=True)
-        ]
+        return self._joined([ask(part, index) for part, index in zip(self.parts, self.indices, strict=True)])
+
+    def _joined(self, answers: Sequence[Array]) -> Array:
         out = np.empty(self.rows, dtype=np.result_type(*answers))
         for index, values in zip(self.indices, answers, strict=True):
             out[index] = values
@@ -97,19 +98,11 @@ class StackedLaw(Superpotential):
         return all(law.straight for law in self.parts)
 
     @property
-    def made_of(self) -> tuple[Superpotential, ...]:
-        return self.parts
-
-    @property
     def weak_convexity(self) -> Array:
         return self._gather(lambda law, i: law.weak_convexity)
 
-    @property
-    def alpha_reach(self) -> float:
-        return min(law.alpha_reach for law in self.parts)
-
-    def weak_convexity_within(self, reach: float) -> Array:
-        return self._gather(lambda law, i: law.weak_convexity_within(reach))
+    def proof(self, constant: Constant) -> Proof:
+        return gathered([law.proof(constant) for law in self.parts], self._joined)
 
     @property
     def growth(self) -> tuple[Array, Array]:

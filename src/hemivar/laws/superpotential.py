@@ -25,6 +25,7 @@ from hemivar.laws import minimisers
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.description import LawDescription, describe
 from hemivar.laws.minimisers import FAR, MANY
+from hemivar.laws.proof import Constant, Proof, in_class_of, of_alpha
 
 __all__ = ["Interval", "Superpotential", "entry"]
 
@@ -89,34 +90,10 @@ class Superpotential(PickleMixin, ABC):
         """
         return None
 
-    @property
-    def made_of(self) -> tuple[Superpotential, ...]:
-        """The other laws of which it is made, by sums, factors or places; empty where it stands for itself."""
-        return ()
-
-    @property
-    def constants_sampled(self) -> bool:
-        """Whether alpha or the growth constants, or those of a law in it, come from sampling and may be too small."""
-        return any(law.constants_sampled for law in self.made_of)
-
-    @property
-    def alpha_sampled(self) -> bool:
-        """Whether alpha, or that of a law in it, is not proved for every r: it is sampled, or that of a reach."""
-        return any(law.alpha_sampled for law in self.made_of) if self.made_of else self.constants_sampled
-
-    @property
-    def alpha_reach(self) -> float:
-        """|r| up to which :attr:`weak_convexity` is proved: inf where it holds for every r, 0 where it is sampled."""
-        return 0.0 if self.alpha_sampled else np.inf
-
-    def weak_convexity_within(self, reach: float) -> Array:
-        """Proved alpha of |r| <= ``reach``, shape ``(m or 1,)``; inf where none is proved."""
-        return np.where(reach <= self.alpha_reach, self.weak_convexity, np.inf)
-
-    @property
-    def growth_sampled(self) -> bool:
-        """Whether the growth constants, or those of a law in it, come from sampling."""
-        return any(law.growth_sampled for law in self.made_of) if self.made_of else self.constants_sampled
+    def proof(self, constant: Constant) -> Proof:
+        """How alpha, or the growth, is known; as the class states it by default."""
+        known = in_class_of(self)
+        return of_alpha(known, lambda _: self.weak_convexity) if constant == "alpha" else known
 
     # ---- what a law supplies -------------------------------------------------------------------------
 
@@ -151,7 +128,7 @@ class Superpotential(PickleMixin, ABC):
     def weak_convexity(self) -> Array:
         """Smallest alpha >= 0 with j + alpha/2 r^2 convex, shape ``(m or 1,)``; inf at downward jumps.
 
-        Where no alpha is known for every r it is that of the reach, up to ``alpha_reach``.
+        Where no alpha is known for every r it is that of the reach of its :meth:`proof`.
         """
 
     @property
@@ -220,15 +197,6 @@ class Superpotential(PickleMixin, ABC):
         knots = self.knots
         return knots.shape[-1] if knots.shape[0] == 1 and knots.shape[-1] > MANY else 0
 
-    @property
-    def width(self) -> int:
-        """Number K of knots in a row."""
-        return self.searched or int(self.knots.shape[-1])
-
-    def knots_before(self, r: Array) -> IntArray:
-        """How many knots lie before each ``r (m,)``; only if they are searched."""
-        return np.asarray(np.searchsorted(self.knots[0], r, side="left"), dtype=np.int64)
-
     def place_of(self, knot: IntArray) -> Array:
         """Where one knot for each point lies, (m,)."""
         return entry(self.knots, knot)
@@ -244,16 +212,8 @@ class Superpotential(PickleMixin, ABC):
         """Index of the piece that holds each ``r``; at a knot, the piece to its left."""
         r = np.asarray(r, dtype=float)
         if self.searched:
-            return self.knots_before(r)
+            return np.asarray(np.searchsorted(self.knots[0], r, side="left"), dtype=np.int64)
         return np.asarray(np.sum(r[..., None] > self.knots, axis=-1), dtype=np.int64)
-
-    def piece_bounds(self, piece: IntArray) -> tuple[Array, Array]:
-        """End points of each piece, cut at the domain."""
-        piece, last = np.asarray(piece), self.width - 1
-        low = np.where(piece > 0, self.place_of(np.maximum(piece - 1, 0)), -np.inf)
-        high = np.where(piece <= last, self.place_of(np.minimum(piece, last)), np.inf)
-        ends = self.domain
-        return np.clip(low, ends.lower, ends.upper), np.clip(high, ends.lower, ends.upper)
 
     def knot_slopes(self) -> tuple[Array, Array]:
         """Derivatives to the left and to the right of each knot, ``(m or 1, K)`` each; -inf, +inf at domain ends."""
@@ -280,19 +240,13 @@ class Superpotential(PickleMixin, ABC):
         return np.where(finite, left, 0.0), np.where(finite, right, 0.0)
 
     @cached_property
-    def bends(self) -> Array:
+    def _bends(self) -> Array:
         """j'' of every piece, ``(m or 1, K + 1)``, where j' is :attr:`straight` on them."""
         knots = self.knots
         at = np.where(np.isfinite(knots), knots, 0.0)
         pieces = range(knots.shape[-1] + 1)
         curvatures = [self.piece_curvature(np.full(len(at), i, dtype=np.int64), at[:, max(i - 1, 0)]) for i in pieces]
         return np.stack(curvatures, axis=-1)
-
-    def kinks(self) -> BoolArray:
-        """Which knots are kinks (the derivative jumps there), shape ``(m or 1, K)``."""
-        left, right = self.knot_slopes()
-        with np.errstate(invalid="ignore"):
-            return np.asarray((left != right) & np.isfinite(self.knots))
 
     def value(self, r: Array) -> Array:
         """j(r); +inf outside the domain."""
@@ -310,26 +264,13 @@ class Superpotential(PickleMixin, ABC):
 
     def _knot_at(self, r: Array) -> tuple[BoolArray, Array, Array]:
         """Whether each r is a knot, and the derivatives on both sides of it, or of all knots that coincide there."""
-        knot = np.minimum(self.piece_of(r), self.width - 1)
+        knot = np.minimum(self.piece_of(r), (self.searched or self.knots.shape[-1]) - 1)
         here = np.asarray((self.place_of(knot) == r) & np.isfinite(r))
         left, right = self.slopes_at(knot)
         if here.any() and not self.searched:
             last = np.maximum(np.count_nonzero(self.knots <= r[..., None], axis=-1) - 1, 0)
             right = np.where(here, self.slopes_at(last)[1], right)
         return here, left, right
-
-    def kink_within(self, r: Array, near: float) -> Array:
-        """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
-        best, kink = np.full(r.shape, near), np.full(r.shape, np.nan)
-        count, after = self.width, self.piece_of(r)
-        for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
-            inside = np.clip(knot, 0, count - 1)
-            there = self.place_of(inside)
-            off = np.abs(r - there)
-            left, right = self.slopes_at(inside)
-            better = (left != right) & (off <= best)
-            best, kink = np.where(better, off, best), np.where(better, there, kink)
-        return kink
 
     def derivative(self, r: Array) -> Array:
         """j'(r); at a kink, the one-sided derivative from the left."""
@@ -351,40 +292,6 @@ class Superpotential(PickleMixin, ABC):
         ends = self.domain
         outside = (r < ends.lower) | (r > ends.upper)
         return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
-
-    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        """Whether the law pulls less than at some smaller opening, or its pull -j' falls there, (m,).
-
-        What it pulls at smaller openings is looked at in knots; openings are negative penetrations.
-
-        Parameters
-        ----------
-        r : array (m,)
-        pull : array (m,), optional
-            What it pulls with, where ``r`` may lie on a jump; ``-j'(r)`` by default.
-        near, slack : float
-            What is rounding of ``r``, and of the pull.
-        """
-        bound = self.domain
-        own = np.clip(np.asarray(r, dtype=float), bound.lower, bound.upper)
-        inside = np.clip(own + near, bound.lower, bound.upper)
-        piece = self.piece_of(inside)
-        rows = np.broadcast_to(self._pulls, (len(inside), self._pulls.shape[-1]))
-        slope, curvature = self.piece_line(piece, inside)
-        largest = np.maximum(np.take_along_axis(rows, piece[:, None], axis=1)[:, 0], -slope)
-        pull = -self.derivative(own) if pull is None else pull
-        with np.errstate(over="ignore", invalid="ignore"):
-            weaker = (largest > slack) & (pull < largest * (1.0 - 1e-9) - slack)
-            falls = (pull > slack) & (-curvature * np.abs(own) > np.maximum(slack, 1e-9 * pull))
-            return np.asarray(weaker | falls)
-
-    @cached_property
-    def _pulls(self) -> Array:
-        """The largest pull at each knot and all greater ones, ``(m or 1, K + 1)``; -inf beyond the last."""
-        sides = [np.where(np.isfinite(side) & np.isfinite(self.knots), -side, -np.inf) for side in self.knot_slopes()]
-        ends = np.full((*self.knots.shape[:-1], 1), -np.inf)
-        at_knots = np.concatenate([np.maximum(*sides), ends], axis=-1)
-        return np.maximum.accumulate(at_knots[..., ::-1], axis=-1)[..., ::-1]
 
     def distance(self, r: Array, lam: Array) -> Array:
         """Distance of the multiplier ``lam`` to dj(r); inf outside the domain."""
@@ -415,7 +322,7 @@ class Superpotential(PickleMixin, ABC):
         """:meth:`graph_distance`, from the knots nearest to r outwards until the next one is farther than the best."""
         r, lam, tau, best = np.broadcast_arrays(r, lam, tau, best)
         out, r, lam, tau = best.ravel().copy(), r.ravel(), lam.ravel(), tau.ravel()
-        behind, count, rows = self.knots_before(r), self.searched, None if self.rows == 1 else np.arange(r.size)
+        behind, count, rows = self.piece_of(r), self.searched, None if self.rows == 1 else np.arange(r.size)
         for step in (-1, 1):
             first = behind - 1 if step < 0 else behind
             open_, done, width = np.arange(r.size), 0, 4
@@ -481,21 +388,10 @@ class Superpotential(PickleMixin, ABC):
         """Whether j' is straight on every piece."""
         return False
 
-    @property
-    def known_formula(self) -> tuple[int, Array] | None:
-        """Number and parameters (m or 1, k) of its formula on both sides of 0, where the compiled kernels know it."""
-        return None
-
     @cached_property
     def laid_out(self) -> LaidOut | None:
         """The law as the compiled kernels read it, with resolved parameters; None where they do not know it."""
         return lay_out(self)
-
-    def convex_part(
-        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """The part of each piece on which ``a r - b + j'(r)`` increases, and its values at the ends."""
-        return minimisers.convex_part(self, piece, a, b, low, high, start, end)
 
     def stationary_point(
         self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
@@ -507,12 +403,6 @@ class Superpotential(PickleMixin, ABC):
         """Proximal map: the global minimiser of ``j(r) + (r - x)^2/(2 tau)``."""
         x = np.asarray(x, dtype=float)
         return self.local_argmin(np.broadcast_to(1.0 / np.asarray(tau, dtype=float), x.shape), x / tau)
-
-    def prox_slope(self, x: Array, tau: Array | float) -> Array:
-        """Derivative of :meth:`prox` in ``x``: 0 at a kink, ``1/(1 + tau j'')`` elsewhere."""
-        r = self.prox(x, tau)
-        slope = 1.0 / (1.0 + np.asarray(tau, dtype=float) * self.curvature(r))
-        return np.where(self.at_kink(r), 0.0, slope)
 
     def describe(self, point: int = 0) -> LawDescription:
         """Formula, kinks and constants of the law at one contact point."""

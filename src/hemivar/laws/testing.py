@@ -16,6 +16,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.laws.consistency import Samples
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction.friction_law import Friction
+from hemivar.laws.scalar_graph import prox_slope
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_testing import LawError, LawReport, Questions
 
@@ -205,7 +206,7 @@ class _Checker(Samples):
             "derivative": lambda law, i: law.derivative(r[i]),
             "distance": lambda law, i: law.distance(r[i], b[i]),
             "local_argmin": lambda law, i: law.local_argmin(a[i], b[i]),
-            "prox_slope": lambda law, i: law.prox_slope(r[i], 1.0 / a[i]),
+            "prox_slope": lambda law, i: prox_slope(law, r[i], 1.0 / a[i]),
         }
         everywhere = np.arange(rows)
         for name, answer in answers.items():

@@ -14,10 +14,29 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws.crossings import Crossings, level_places
 from hemivar.laws.minimisers import FAR
+from hemivar.laws.proof import Constant, Proof, beside, in_class_of, of_alpha
 from hemivar.laws.sides import Sides, lengths, most_resisted, polar, rest_forces, sides_of
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["Chart", "Linearisation", "OnGraph", "Sides", "VectorLaw", "lengths", "polar", "spread"]
+__all__ = [
+    "Chart",
+    "Linearisation",
+    "OnGraph",
+    "Sides",
+    "VectorLaw",
+    "alpha_is_one",
+    "curve_above_at",
+    "is_convex",
+    "lengths",
+    "polar",
+    "prox_jacobian",
+    "pulls",
+    "softens",
+    "splits",
+    "spread",
+    "stores_slip",
+    "weak_convexity_at",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +119,8 @@ class VectorLaw(PickleMixin, ABC):
         return None
 
     @property
-    def splits(self) -> bool:
-        """Whether it is a :class:`~hemivar.laws.ContactLaw`: j is a part of the penetration plus a part of the slip."""
-        return False
-
-    @property
     def not_separable(self) -> str:
-        """Why it is no normal law with radial friction, in words."""
+        """Why it is no normal law with radial friction, in words; empty of a :class:`~hemivar.laws.ContactLaw`."""
         return f"law '{self.name}' couples opening and slip"
 
     @abstractmethod
@@ -133,11 +147,6 @@ class VectorLaw(PickleMixin, ABC):
     def follows_slip(self) -> bool:
         """Whether it is a law of the place: its slip counts from the beginning of a march, not of a step."""
         return True
-
-    @property
-    def stores_slip(self) -> bool:
-        """Whether what it does on a slip is stored, and not dissipated."""
-        return self.follows_slip
 
     def in_increments(self, rate: float) -> VectorLaw:
         """The law of a step: what is a law of the slip rate as one of the slip increment, ``rate`` times which is the
@@ -224,11 +233,6 @@ class VectorLaw(PickleMixin, ABC):
         """
         return self.lipschitz
 
-    @property
-    def lipschitz_sampled(self) -> bool:
-        """Whether a constant of friction that depends on the penetration is sampled: that of the bound, or c0, c1."""
-        return False
-
     @abstractmethod
     def value(self, r: Array) -> Array:
         """j(r), shape (m,); +inf outside the domain."""
@@ -292,11 +296,6 @@ class VectorLaw(PickleMixin, ABC):
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Minimiser of ``a_n/2 r_n^2 + a_t/2 |r_t|^2 - b.r + j(r)``; ``a (m, 2)``, ``b (m, c)`` -> ``(m, c)``."""
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        """Generalised derivative of :meth:`prox`, one ``(c, c)`` block for each point."""
-        each = 1.0 / spread(tau, x.shape[1])
-        return self.on_graph(each * x, 1.0 / tau).jacobian * each[:, None, :]
-
     @abstractmethod
     def linearise(self, r: Array) -> Linearisation:
         """Derivatives of the parts that are smooth at ``r``."""
@@ -354,36 +353,10 @@ class VectorLaw(PickleMixin, ABC):
         """alpha of the normal and of the tangential part, each of shape (m or 1,): with ``alpha_n/2 r_n^2 +
         alpha_t/2 |r_t|^2`` added, j is convex."""
 
-    def weak_convexity_at(self, r: Array) -> tuple[Array, Array]:
-        """That of :meth:`frozen_at`."""
-        return self.frozen_at(r).weak_convexity
-
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        """Proved alphas of penetrations and slips up to a ``reach`` each; inf where none is proved."""
-        return self.weak_convexity
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        """Penetration and slip up to which :attr:`weak_convexity` is proved; 0 where it is sampled."""
-        return np.inf, np.inf
-
-    @property
-    def alpha_sampled(self) -> bool:
-        """Whether an alpha is not proved for every penetration and slip."""
-        return min(self.alpha_reach) < np.inf
-
-    @property
-    def alpha_doubt(self) -> str:
-        """Why alpha is not proved for every penetration and slip, in words; empty if it is."""
-        reach = min(self.alpha_reach)
-        if reach == np.inf:
-            return ""
-        return "known from samples only" if reach == 0.0 else f"proved within the reach {reach:g} only"
-
-    @property
-    def constants_sampled(self) -> bool:
-        """Whether alpha or the growth constants of a part come from sampling."""
-        return False
+    def proof(self, constant: Constant) -> Proof:
+        """How alpha of both parts, the growth, or :attr:`lipschitz` is known; as the class states it by default."""
+        known = in_class_of(self)
+        return of_alpha(beside(known, known), lambda part: self.weak_convexity[part]) if constant == "alpha" else known
 
     @property
     def growth(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -395,29 +368,9 @@ class VectorLaw(PickleMixin, ABC):
         return unknown, unknown
 
     @property
-    def growth_sampled(self) -> bool:
-        """Whether :attr:`growth` comes from sampling."""
-        return False
-
-    @property
     def follows_state(self) -> bool:
         """Whether Newton's equation can contain how a bound depends on the state."""
         return False
-
-    @property
-    def alpha_is_one(self) -> bool:
-        """Whether :meth:`weak_convexity_at` is the same in all states."""
-        return not self.state_dependent
-
-    @property
-    def convex(self) -> bool:
-        """Whether the law is convex at all points, and that is proved."""
-        return not self.alpha_sampled and all(bool((alpha == 0.0).all()) for alpha in self.weak_convexity)
-
-    @property
-    def softens(self) -> bool:
-        """Whether some part is not convex, whatever a bound that depends on the state may be."""
-        return any(bool((alpha > 0.0).any()) for alpha in self.weak_convexity)
 
     @property
     def penetrations(self) -> Interval:
@@ -487,12 +440,8 @@ class VectorLaw(PickleMixin, ABC):
         """Which points count as moving sideways, (m,): those with a slip above ``small``."""
         return np.asarray(np.linalg.norm(r[:, 1:], axis=1) > small)
 
-    def pulls(self, r: Array) -> BoolArray:
-        """Whether the law can pull at ``r (m, c)``, cut at the ends of its domain."""
-        return np.asarray(self.pressures(r).lower < 0.0)
-
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        """Whether the law has let go of some of its ``pull (m,)``; see :meth:`Superpotential.past_peak`.
+        """Whether the law has let go of some of its ``pull (m,)``; see :func:`~hemivar.laws.scalar_graph.past_peak`.
 
         Unless a law knows better, where it is open and pulls less the more it opens.
         """
@@ -545,11 +494,6 @@ class VectorLaw(PickleMixin, ABC):
         both = np.maximum(normal, tangential) + self.lipschitz
         return both, both
 
-    def curve_above_at(self, r: Array, lam: Array) -> tuple[Array, Array]:
-        """:attr:`curve_above` with a friction bound as it is in a state ``(m, c)``."""
-        normal, tangential = (self if self.depends_on_whole_state else self.frozen(r, lam)).curve_above
-        return normal, tangential
-
     def is_curve(self, a: Array, components: int) -> bool:
         """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is :attr:`curve_above`."""
         least = self.curve_above[: min(components, 2)]
@@ -566,6 +510,54 @@ class VectorLaw(PickleMixin, ABC):
     def prox(self, x: Array, tau: Array) -> Array:
         """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""
         return self.local_argmin(1.0 / tau, x / spread(tau, x.shape[1]))
+
+
+def splits(law: VectorLaw) -> bool:
+    """Whether it is a :class:`~hemivar.laws.ContactLaw`: j is a part of the penetration plus a part of the slip."""
+    return not law.not_separable
+
+
+def stores_slip(law: VectorLaw) -> bool:
+    """Whether what a law does on a slip is stored, and not dissipated."""
+    return law.follows_slip and (law.depends_on_whole_state or not law.state_dependent)
+
+
+def pulls(law: VectorLaw, r: Array) -> BoolArray:
+    """Whether a law can pull at ``r (m, c)``, cut at the ends of its domain."""
+    return np.asarray(law.pressures(r).lower < 0.0)
+
+
+def is_convex(law: VectorLaw) -> bool:
+    """Whether a law is convex at all points, and that is proved."""
+    return not softens(law) and law.proof("alpha").sure
+
+
+def softens(law: VectorLaw) -> bool:
+    """Whether some part of a law is not convex, whatever a bound that depends on the state may be."""
+    return any(bool((alpha > 0.0).any()) for alpha in law.weak_convexity)
+
+
+def alpha_is_one(law: VectorLaw) -> bool:
+    """Whether alpha is the same in all states: friction whose bound depends on the state has no finite one else."""
+    if not law.state_dependent or law.depends_on_whole_state:
+        return not law.state_dependent
+    return bool(np.isfinite(law.weak_convexity[1]).all())
+
+
+def weak_convexity_at(law: VectorLaw, r: Array) -> tuple[Array, Array]:
+    """alpha of both parts of a law, frozen at the pressure of the normal law."""
+    return (law if alpha_is_one(law) else law.frozen_at(r)).weak_convexity
+
+
+def curve_above_at(law: VectorLaw, r: Array, lam: Array) -> tuple[Array, Array]:
+    """:attr:`VectorLaw.curve_above` with a friction bound as it is in a state ``(m, c)``."""
+    return (law if law.depends_on_whole_state else law.frozen(r, lam)).curve_above
+
+
+def prox_jacobian(law: VectorLaw, x: Array, tau: Array) -> Array:
+    """Generalised derivative of the prox of a law, one ``(c, c)`` block for each point."""
+    each = 1.0 / spread(tau, x.shape[1])
+    return law.on_graph(each * x, 1.0 / tau).jacobian * each[:, None, :]
 
 
 def spread(tau: Array, c: int) -> Array:

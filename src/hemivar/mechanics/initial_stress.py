@@ -8,10 +8,11 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import answer
+from hemivar.basics.arrays import LARGEST
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula, FormulaArray
-from hemivar.mechanics.conditions import LARGEST, ScalarData, check_finite
+from hemivar.mechanics.conditions import ScalarData, check_finite
 from hemivar.mechanics.instants import at_time, depends_on_time
 from hemivar.mechanics.per_volume import refuse_unknown
 from hemivar.mesh.mesh import Mesh

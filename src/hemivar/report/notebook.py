@@ -24,6 +24,7 @@ from hemivar.errors import HemivarError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.fem import discretize
 from hemivar.laws import ContactLaw
+from hemivar.laws.vector_law import splits
 from hemivar.mechanics import Contact, ContactProblem
 from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mesh.mesh import Mesh
@@ -188,7 +189,7 @@ def _margin(problem: DiscreteProblem) -> list[_Row]:
     if one_solution(problem, constants):
         return [("margin", f"{margin}: one solution")]
     if constants.margin > 0.0:
-        return [("margin", f"{margin} (alpha is {problem.law.alpha_doubt or 'sampled'})")]
+        return [("margin", f"{margin} (alpha is {problem.law.proof('alpha').doubt or 'sampled'})")]
     return [("margin", f"{margin}, not positive: there may be several solutions")]
 
 
@@ -292,7 +293,7 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
         ("unknowns", problem.unknowns),
         ("contact points", problem.contact_points),
         ("local components", problem.contact.components),
-        ("normal law" if law.splits else "law", law.name if problem.contact_points else None),
+        ("normal law" if splits(law) else "law", law.name if problem.contact_points else None),
         ("friction", friction.name if friction and problem.contact_points else None),
         ("entries of the stiffness", problem.bulk.stiffness.nnz if isinstance(problem.bulk, Quadratic) else None),
         *_margin(problem),

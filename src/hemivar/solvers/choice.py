@@ -7,6 +7,7 @@ import math
 from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.hierarchy import has_coarser
+from hemivar.laws.vector_law import softens as law_softens
 from hemivar.linear.factor_memory import available_bytes, factorisation_bytes
 from hemivar.solvers.base import Solver
 from hemivar.solvers.multigrid import NonsmoothMultigrid
@@ -75,7 +76,7 @@ def choose(problem: DiscreteProblem, many: bool = False) -> tuple[Solver, str]:
     """
     newton, multigrid = predicted_seconds(problem)
     short = _shortage(problem)
-    softens = problem.contact_points > 0 and problem.law.softens
+    softens = problem.contact_points > 0 and law_softens(problem.law)
     direct, levels = NonsmoothNewton.name, NonsmoothMultigrid.name
     size = f"{problem.unknowns} unknowns"
     costs = f"predicted: {direct} {newton:.2g} s, {levels} {multigrid:.2g} s"

@@ -14,6 +14,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import pulls
 
 __all__ = [
     "KINDS",
@@ -184,7 +185,7 @@ def contact_states(
     ``law``: with resolved parameters; ``local, multiplier (m, c)``: penetration and slip, and force per area of the
     body on the foundation; ``sizes``: largest displacement and multiplier of all points, where these are not all;
     ``moves (m,)``: which points move sideways; by default those with a slip; ``past_peak (m,)``: where the pull is past
-    its peak; by default as the law says of this pair, see :meth:`hemivar.laws.Superpotential.past_peak`;
+    its peak; by default as the law says of this pair, see :func:`hemivar.laws.scalar_graph.past_peak`;
     ``without_friction (m,)``: where the friction of the law is left out.
     """
     if sizes is None:
@@ -196,7 +197,7 @@ def contact_states(
     opened = lifted & (np.abs(pressure) <= weak)
     bonded = pulled & lifted
     if (pulled & ~lifted).any():  # by a law that pulls where it touches, and not by what a solver leaves
-        bonded = pulled & law.pulls(local) | bonded
+        bonded = pulled & pulls(law, local) | bonded
     if (opened | bonded).any():
         if past_peak is None:
             past_peak = law.past_peak(local, -pressure, small, weak)

@@ -19,6 +19,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.laws.crossings import Crossings
 from hemivar.laws.scalar_graph import ENDLESS
+from hemivar.laws.vector_law import is_convex
 from hemivar.systems.contact_moves import Search
 from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.newton_equation import LinearisedPoint
@@ -166,7 +167,7 @@ class SearchLine:
         system, first = self.system, self.search is Search.DOWNHILL
         knots = system.law.crossings(self.at.r, self.along) if system.vectors.alone else None
         if knots is not None:
-            return bottom_of_pieces(knots, system.weights, self.slope, self.square, system.law.convex, first), knots
+            return bottom_of_pieces(knots, system.weights, self.slope, self.square, is_convex(system.law), first), knots
         return self._closed_in(self._slope_across, min(self._first, unit), math.inf), None
 
     def across(self, length: float, knots: Crossings | None = None) -> Array:

@@ -11,6 +11,7 @@ from hemivar.basics.deadline import CALLED
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.residual import Residual
+from hemivar.laws.vector_law import softens
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.contact_states import ContactStates, contact_states
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
@@ -169,7 +170,7 @@ def _falls(energies: list[float], patience: int) -> bool:
 
 def _far(system: PointSystem) -> float:
     """How far contact points may move; infinite where the law holds them."""
-    if not (system.vectors.alone and system.law.softens):
+    if not (system.vectors.alone and softens(system.law)):
         return np.inf
     if system.extent < np.inf:
         return _FAR * system.extent

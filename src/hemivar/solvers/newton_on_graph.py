@@ -31,7 +31,7 @@ from hemivar.discrete.residual import LoadScale, Residual, balanced
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
 from hemivar.laws.contact_chart import ContactChart
-from hemivar.laws.vector_law import Chart, OnGraph, spread
+from hemivar.laws.vector_law import Chart, OnGraph, softens, spread
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
@@ -207,7 +207,7 @@ def small_and_convex(system: CondensedProblem) -> bool:
     """Whether a few rounds cost a fifth of the steps of another method, and find the one solution."""
     if not 0 < system.free.size <= _SMALL:
         return False
-    return not system.law.softens
+    return not softens(system.law)
 
 
 def active_set_newton(
@@ -332,7 +332,7 @@ def _pairs(start: _Start) -> Iterator[_Pair]:
 def stands(system: CondensedProblem, r: Array, lam: Array) -> bool:
     """Whether a law that softens leaves a pair stable, a state that it depends on being frozen."""
     law = system.law
-    if not law.softens:
+    if not softens(law):
         return True
     line = law.frozen(r, lam).linearise(r)
     index = np.flatnonzero(smooth_components(line, system.active))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.laws.vector_law import softens
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.solve import default_method, solve
@@ -21,7 +22,7 @@ def on_one_branch(one: Solution, other: Solution, workspace: Workspace, controls
     They do not where the state jumps between the two, either way.  Where no force can fall there is one branch; on
     meshes of different sizes nothing is known, and True is returned.
     """
-    if not (one.problem.law.softens or other.problem.law.softens) or one.unknowns.shape != other.unknowns.shape:
+    if not (softens(one.problem.law) or softens(other.problem.law)) or one.unknowns.shape != other.unknowns.shape:
         return True
     return _leads(one, other, workspace, controls) and _leads(other, one, workspace, controls)
 

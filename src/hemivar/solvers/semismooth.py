@@ -17,6 +17,7 @@ from hemivar.basics.arrays import COUNTS, norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.laws.vector_law import softens as law_softens
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.fixed_point import FixedPoint
@@ -152,7 +153,7 @@ class SemismoothNewton(Solver):
 
     def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
         equation = GraphEquation.of(system)
-        softens = bool(system.vectors.largest(float(system.law.softens and system.law.depends_on_whole_state))[0])
+        softens = bool(system.vectors.largest(float(law_softens(system.law) and system.law.depends_on_whole_state))[0])
         search = None if equation is None else _Search(equation, self._accuracy, softens)
         point = None if search is None else search.at(start.r)
         if search is None or point is None:

@@ -29,6 +29,7 @@ from hemivar.fem.fields import strain, stress, von_mises
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of, slid_beyond
 from hemivar.fem.stress_stiffness import stiffens, works_of_stress
+from hemivar.laws.vector_law import splits
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
 from hemivar.solvers.contact_states import ContactStates, contact_states, state_words
@@ -139,7 +140,7 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
         if stiffens(self.problem):
             return f"the stress of the load and the answer do not settle: {message}; {advice}"
         law = self.problem.law
-        if self.contact.components > 2 or law.state_dependent or not law.splits:
+        if self.contact.components > 2 or law.state_dependent or not splits(law):
             return f"{message}; {advice}"
         return f"{message}; {advice}, or follow the path beyond, `hemivar path` (hemivar.follow_path)"
 

@@ -24,6 +24,7 @@ from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.fem.stress_stiffness import stiffens
+from hemivar.laws.vector_law import softens
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.solvers.base import Solver, SolverSystem, State
@@ -184,7 +185,7 @@ def default_method(problem: DiscreteProblem, workspace: Workspace) -> Solver:
 
 def _falls(problem: DiscreteProblem) -> bool:
     """Whether a force of the foundation can fall while the body moves on, so that there may be several solutions."""
-    return problem.contact_points > 0 and problem.law.softens
+    return problem.contact_points > 0 and softens(problem.law)
 
 
 @dataclass(frozen=True, eq=False)

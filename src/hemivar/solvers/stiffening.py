@@ -21,6 +21,7 @@ from hemivar.discrete.residual import contact_compliance, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import geometric_stiffness, stressed_problem
+from hemivar.laws.vector_law import softens
 from hemivar.linear.definite import indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import COARSEST
@@ -97,7 +98,7 @@ class Ordinary:
             own = system.matrix.reshape(m, d, m, d).copy()
             own[np.arange(m), :, np.arange(m), :] += _contact_blocks(problem, solution.unknowns, solution.multiplier)
             return positive(own.reshape(m * d, m * d)[np.ix_(system.free, system.free)])
-        if problem.contact_points and problem.law.softens:
+        if problem.contact_points and softens(problem.law):
             return False
         hierarchy = levels_of(plain, kept)
         levels, top = hierarchy.levels, hierarchy.first + len(hierarchy.steps)
@@ -329,7 +330,7 @@ def _first_place(
     Without stiffening, glue may fail under a load that it carries with it: what a little of the load moves is made
     larger, and gaps are not.
     """
-    if not problem.contact_points or not problem.law.softens:
+    if not problem.contact_points or not softens(problem.law):
         return None
     line = LoadLine.to(problem)
     try:

@@ -17,7 +17,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import Superpotential, separable
 from hemivar.laws.minimisers import knot_forces
 from hemivar.laws.scalar_graph import part_of
-from hemivar.laws.vector_law import spread
+from hemivar.laws.vector_law import splits, spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
@@ -308,7 +308,7 @@ class PrimalDualActiveSet(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if problem.contact_points and any(np.isinf(alpha).any() for alpha in problem.law.weak_convexity):
             return "the law jumps down, so its kinks cannot be ordered into sets; use newton"
-        if not problem.law.splits:
+        if not splits(problem.law):
             return f"{problem.law.not_separable}, which the sets do not know; use newton"
         return None
 

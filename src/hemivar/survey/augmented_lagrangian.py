@@ -15,7 +15,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws.vector_law import spread
+from hemivar.laws.vector_law import prox_jacobian, spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
@@ -197,7 +197,7 @@ class AugmentedLagrangianNewton(Solver):
             return first, stiffness * second.ravel()[free]
 
         first, second = out_of_balance(u, state.lam)
-        jacobian = problem.law.prox_jacobian(problem.local(u) + steps * state.lam, tau)
+        jacobian = prox_jacobian(problem.law, problem.local(u) + steps * state.lam, tau)
         pull = sp.csr_array(sp.block_diag(list(jacobian), format="csr"))[free][:, free]
         stay = sp.eye_array(free.size) - pull
         # The law's rows are multiplied by W/tau and the unknown is tau dlambda: every entry is a stiffness.

@@ -14,6 +14,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, Interval, Superpotential, separable
+from hemivar.laws.vector_law import splits
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.newton import NonsmoothNewton
@@ -72,7 +73,7 @@ class ProximalBundle(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if problem.contact_points and any((alpha > 0.0).any() for alpha in problem.law.weak_convexity):
             return "the law is not convex, and cutting planes of a nonconvex law are not lower bounds; use newton"
-        if not problem.law.splits:
+        if not splits(problem.law):
             return f"{problem.law.not_separable}, which the model does not know; use newton"
         return None
 

@@ -23,6 +23,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.coupled.plane_potential import PlanePotential
+from hemivar.laws.vector_law import is_convex
 from hemivar.laws.vector_testing import check_vector_law
 from tests.bodies import glued_plate, opened_point
 from tests.samples import sampled
@@ -77,9 +78,9 @@ def test_functions_are_the_formula() -> None:
     assert law.hessian(r) == pytest.approx(formula.hessian(r), abs=1e-2)  # by differences, of 5e3
     one, two = law.local_argmin(a, b), formula.local_argmin(a, b)
     assert one == pytest.approx(two, abs=1e-9)
-    assert not law.weak_convexity_within((0.1, 0.1))[0] < np.inf
-    assert law.alpha_sampled
-    assert law.alpha_reach == (0.0, 0.0)
+    assert not law.proof("alpha").value(0.1, 0.1)[0] < np.inf
+    assert not law.proof("alpha").sure
+    assert law.proof("alpha").reach == (0.0, 0.0)
 
 
 def test_alpha_of_a_gaussian_is_enclosed() -> None:
@@ -87,11 +88,11 @@ def test_alpha_of_a_gaussian_is_enclosed() -> None:
     exact = 2.0 * G / WIDTH**2 * np.exp(-1.5)
     law = LAWS["rigid"]()
     normal, tangential = (float(alpha[0]) for alpha in law.weak_convexity)
-    assert law.alpha_reach == (0.1, 0.1)
+    assert law.proof("alpha").reach == (0.1, 0.1)
     assert exact <= normal <= 1.11 * exact
     assert BETA**2 * exact * (1.0 - 1e-6) <= tangential <= 1.11 * BETA**2 * exact
     sampled = LAWS["bilinear"]()
-    assert sampled.alpha_reach == (0.0, 0.0)
+    assert sampled.proof("alpha").reach == (0.0, 0.0)
     assert sampled.weak_convexity[0][0] == pytest.approx(1000.0, rel=1e-3)
     assert sampled.weak_convexity[1][0] == pytest.approx(2250.0, rel=1e-3)
     assert "sampled" in sampled.describe()
@@ -101,7 +102,7 @@ def test_alpha_of_a_gaussian_is_enclosed() -> None:
 def test_convex_laws_are_called_so_within_the_reach_only() -> None:
     law = LAWS["friction"]()
     assert law.weak_convexity[0][0] == law.weak_convexity[1][0] == 0.0
-    assert not law.convex  # nothing is shown beyond the reach
+    assert not is_convex(law)  # nothing is shown beyond the reach
 
 
 def test_local_problems_have_the_minimisers_of_mixed_mode() -> None:

@@ -97,14 +97,15 @@ def test_alpha_of_a_formula_is_claimed_where_the_formula_shows_it() -> None:
     law = FormulaLaw("r^2 - r^4", reach=1.0)
     theta, c = np.array([2.0, 0.5]), np.array([0.3, -0.4])
     moved = affine(law, theta, c)
-    assert moved.alpha_reach == pytest.approx(0.35)
-    assert (np.abs(theta * moved.alpha_reach + np.abs(c)) <= law.alpha_reach + 1e-12).all()
-    for reach in (moved.alpha_reach, 2.0 * moved.alpha_reach):
-        r = np.linspace(-reach, reach, 4001)
+    (reach,), (limit,) = moved.proof("alpha").reach, law.proof("alpha").reach
+    assert reach == pytest.approx(0.35)
+    assert (np.abs(theta * reach + np.abs(c)) <= limit + 1e-12).all()
+    for within in (reach, 2.0 * reach):
+        r = np.linspace(-within, within, 4001)
         falls = -np.diff([moved.take(np.array([k])).derivative(r) for k in (0, 1)], axis=1) / np.diff(r)
-        claimed = np.broadcast_to(moved.weak_convexity_within(reach), 2)
+        claimed = np.broadcast_to(moved.proof("alpha").value(within)[0], 2)
         assert (falls.max(axis=1) <= claimed + 1e-6).all()
-    assert moved.weak_convexity_within(moved.alpha_reach)[0] <= 1.05 * theta[0] * 10.0
+    assert moved.proof("alpha").value(reach)[0][0] <= 1.05 * theta[0] * 10.0
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.coupled.shifted import LawBeside
-from hemivar.laws.vector_law import Linearisation, VectorLaw, lengths, polar, spread
+from hemivar.laws.vector_law import Linearisation, OnGraph, VectorLaw, lengths, polar, spread
 
 __all__ = ["FrictionBeside"]
 
@@ -143,18 +143,15 @@ class FrictionBeside(LawBeside):
             left[rows, 1:], sticks[rows] = problem.left(problem.secant())
         return left, sticks
 
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        c, a = x.shape[1], 1.0 / tau
-        left, sticks = self._solved(a, x / spread(tau, c))
-        wide = spread(tau, c)
-        P = self.base.prox_jacobian(wide * left, tau)
-        r = self._stuck(self.base.local_argmin(a, left), sticks)
-        bent = np.eye(c) + P @ (wide[:, :, None] * self._bend(r))
-        J = np.linalg.solve(bent, P)
-        along = P[:, 1:, 1:]
-        fixed = P - P[:, :, 1:] @ np.linalg.pinv(along) @ P[:, 1:, :]
-        fixed[:, 1:, :] = fixed[:, :, 1:] = 0.0
-        return np.where(sticks[:, None, None], fixed, J)
+    def on_graph(self, p: Array, a: Array) -> OnGraph:
+        c = p.shape[1]
+        left, sticks = self._solved(a, p)
+        of_base = self.base.on_graph(left, a)
+        r, P = self._stuck(of_base.r, sticks), of_base.jacobian
+        moving = np.linalg.solve(np.eye(c) + P @ self._bend(r), P)
+        stuck = P - P[:, :, 1:] @ np.linalg.pinv(P[:, 1:, 1:]) @ P[:, 1:, :]
+        stuck[:, 1:, :] = stuck[:, :, 1:] = 0.0
+        return OnGraph(r, p - spread(a, c) * r, np.where(sticks[:, None, None], stuck, moving))
 
     # ---- far away, and what is the base's -----------------------------------------------------------------
 

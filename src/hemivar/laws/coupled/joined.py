@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
+from hemivar.laws.proof import Constant, Proof, gathered
 from hemivar.laws.stacked import gathered_debonding
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw
@@ -109,15 +110,10 @@ class JoinedLaw(VectorLaw):
 
     state_dependent = _whether("state_dependent")
     depends_on_whole_state = _whether("depends_on_whole_state")
-    lipschitz_sampled = _whether("lipschitz_sampled")
 
     @property
     def follows_state(self) -> bool:
         return all(law.follows_state for law in self.parts if law.state_dependent)
-
-    @property
-    def alpha_is_one(self) -> bool:
-        return all(law.alpha_is_one for law in self.parts)
 
     def frozen(self, r: Array, lam: Array) -> VectorLaw:
         return self._each(lambda law, *own: law.frozen(*own), r, lam)
@@ -149,15 +145,12 @@ class JoinedLaw(VectorLaw):
     fitted = _by_points("fitted")
     at_normal_kink = _by_points("at_normal_kink")
     moves = _by_points("moves")
-    pulls = _by_points("pulls")
     past_peak = _by_points("past_peak")
     resistance = _by_points("resistance")
     kinks_along = _by_points("kinks_along", np.nan)
     rubbed = _by_points("rubbed")
     strongest = _several("strongest")  # type: ignore[assignment]
     asymptotic_curvature = _several("asymptotic_curvature")  # type: ignore[assignment]
-    weak_convexity_within = _several("weak_convexity_within")  # type: ignore[assignment]
-    curve_above_at = _several("curve_above_at")  # type: ignore[assignment]
 
     def pressures(self, r: Array) -> Interval:
         ends = [law.pressures(r[i]) for law, i in zip(self.parts, self.indices, strict=True)]
@@ -220,15 +213,8 @@ class JoinedLaw(VectorLaw):
     def weak_convexity(self) -> tuple[Array, Array]:
         return self._alphas
 
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        reaches = [law.alpha_reach for law in self.parts]
-        return min(normal for normal, _ in reaches), min(tangential for _, tangential in reaches)
-
-    softens = _whether("softens")
-    growth_sampled = _whether("growth_sampled")
-    alpha_sampled = _whether("alpha_sampled")
-    constants_sampled = _whether("constants_sampled")
+    def proof(self, constant: Constant) -> Proof:
+        return gathered([law.proof(constant) for law in self.parts], self.gather)
 
     @property
     def penetrations(self) -> Interval:

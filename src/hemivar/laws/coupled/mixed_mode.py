@@ -24,7 +24,7 @@ from hemivar.laws.normal import Compliance, Signorini
 from hemivar.laws.parameters import COMPRESSION, evaluate, positive, read_formulas, word
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.scalar_graph import is_continuous, local_minimiser, steepest
+from hemivar.laws.scalar_graph import is_continuous, kink_within, local_minimiser, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, lengths, polar
 
@@ -525,7 +525,7 @@ class MixedMode(Glue):
         shut, none = np.zeros(len(r)), np.full(r[:, 1:].shape, np.nan)
         if not self.compression.knots.any():
             return shut, none
-        knot = self.compression.kink_within(r[:, 0], np.inf)
+        knot = kink_within(self.compression, r[:, 0], np.inf)
         return np.where(np.isfinite(knot), knot, shut), none
 
     def at_normal_kink(self, r: Array) -> BoolArray:

@@ -22,6 +22,7 @@ from hemivar.laws.glue import Glue
 from hemivar.laws.named import LawKind, named
 from hemivar.laws.normal import Compliance, Signorini
 from hemivar.laws.parameters import COMPRESSION, LINE, PRESSURE, RATE, evaluate, positive, read_formulas, word
+from hemivar.laws.proof import SAMPLED, Constant, Proof, beside, of_alpha
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.vector_law import Linearisation, OnGraph, lengths, polar, spread
 
@@ -254,10 +255,6 @@ class ModeDependentGlue(Glue):
         lipschitz = np.asarray(largest * by_mode * np.maximum(2.0 * self.ratio, largest) / self.least_damage)
         return np.where(np.isnan(lipschitz), np.inf, lipschitz)
 
-    @property
-    def lipschitz_sampled(self) -> bool:
-        return True
-
     def describe(self, point: int = 0) -> str:
         """Energies, openings and constants at one contact point, in words."""
         single = self.take(np.array([point]))
@@ -333,9 +330,6 @@ class ModeDependentGlue(Glue):
         self._refuse()
 
     def local_minimiser(self, a: Array, b: Array, r: Array) -> Array:
-        self._refuse()
-
-    def prox_jacobian(self, x: Array, tau: Array) -> Array:
         self._refuse()
 
     def on_graph(self, p: Array, a: Array) -> OnGraph:
@@ -477,10 +471,10 @@ class ModeDependentGlue(Glue):
         fall = self._falls.max(axis=0)
         return fall, np.asarray(fall * self.ratio**2)
 
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
+    def proof(self, constant: Constant) -> Proof:
         turon = self.shear_stiffness is None and isinstance(self.criterion, BenzeggaghKenane)  # one rate in all modes
-        return (np.inf, np.inf) if turon else (0.0, 0.0)
+        known = Proof() if constant == "growth" or (constant == "alpha" and turon) else SAMPLED
+        return of_alpha(beside(known, known), lambda part: self.weak_convexity[part]) if constant == "alpha" else known
 
     @property
     def penetrations(self) -> Interval:

@@ -268,10 +268,6 @@ class OrthotropicLaw(NormalAndFriction):
     def weak_convexity(self) -> tuple[Array, Array]:
         return self.normal.weak_convexity, np.zeros(1)
 
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        far = reach[0]
-        return self.normal.weak_convexity if far == np.inf else self.normal.weak_convexity_within(far), np.zeros(1)
-
     # ---- where a pair lies -------------------------------------------------------------------------------
 
     def snap_to_kinks(self, r: Array, near: float) -> Array:

@@ -24,6 +24,7 @@ from hemivar.laws.coupled.plane_bounds import (
 from hemivar.laws.coupled.plane_potential import FormulaPotential, PlanePotential
 from hemivar.laws.crossings import length_places
 from hemivar.laws.parameters import checked_reach
+from hemivar.laws.proof import SAMPLED, Constant, Evidence, Proof, beside, of_alpha
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, VectorLaw, polar
 
@@ -357,19 +358,11 @@ class OwnCoupledLaw(VectorLaw):
     def weak_convexity(self) -> tuple[Array, Array]:
         return np.array([self._alpha[0]]), np.array([self._alpha[1]])
 
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        if reach == (np.inf, np.inf) or (self._alpha[2] and max(reach) <= self.reach):
-            return self.weak_convexity
-        return np.full(1, np.inf), np.full(1, np.inf)
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        far = self.reach if self._alpha[2] else 0.0
-        return far, far
-
-    @property
-    def constants_sampled(self) -> bool:
-        return True
+    def proof(self, constant: Constant) -> Proof:
+        if constant != "alpha":
+            return super().proof(constant)
+        known = Proof(Evidence.BY_INTERVALS, (self.reach,)) if self._alpha[2] else SAMPLED
+        return of_alpha(beside(known, known), lambda part: self.weak_convexity[part])
 
     @property
     def penetrations(self) -> Interval:
@@ -385,10 +378,6 @@ class OwnCoupledLaw(VectorLaw):
 
     def at_normal_kink(self, r: Array) -> BoolArray:
         return np.asarray((r[:, 0] == 0.0) & self.hooked)
-
-    def pulls(self, r: Array) -> BoolArray:
-        normal, size, _ = self.split(self.admissible(r))
-        return np.asarray(self.slopes_at(normal, size, -1.0)[0] < -1e-9 * self.size)
 
     def resistance(self, r: Array, lam: Array) -> Array:
         normal, _, _ = self.split(self.admissible(r))

@@ -14,6 +14,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.proof import Constant, Proof, of_alpha
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Linearisation, Sides, VectorLaw, lengths, spread
 
@@ -44,12 +45,8 @@ class LawBeside(VectorLaw):
     def weak_convexity(self) -> tuple[Array, Array]:
         return self.base.weak_convexity
 
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        return self.base.weak_convexity_within(reach)
-
-    @property
-    def alpha_reach(self) -> tuple[float, float]:
-        return self.base.alpha_reach
+    def proof(self, constant: Constant) -> Proof:
+        return self.base.proof(constant)
 
     @property
     def penetrations(self) -> Interval:
@@ -74,9 +71,6 @@ class LawBeside(VectorLaw):
 
     def at_normal_kink(self, r: Array) -> BoolArray:
         return self.base.at_normal_kink(self.seen(r))
-
-    def pulls(self, r: Array) -> BoolArray:
-        return self.base.pulls(self.seen(r))
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.base.past_peak(self.seen(r), pull, near, slack)
@@ -169,8 +163,11 @@ class ShiftedLaw(LawBeside):
         work = (self._whole(self.pull, direction) * direction).sum(axis=1)
         return np.asarray(self.base.recession(direction) + work)
 
-    def weak_convexity_within(self, reach: tuple[float, ...]) -> tuple[Array, Array]:
-        return self.base.weak_convexity if self.alpha_reach == (np.inf, np.inf) else (np.full(1, np.inf),) * 2
+    def proof(self, constant: Constant) -> Proof:
+        known = self.base.proof(constant)
+        if constant != "alpha" or known.sure:
+            return known
+        return replace(known, values=of_alpha(known.whole(), lambda part: self.weak_convexity[part]).values)
 
     def snap_to_kinks(self, r: Array, near: float) -> Array:
         return self._back(self.base.snap_to_kinks(self.seen(r), near))

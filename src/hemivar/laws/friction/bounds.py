@@ -25,6 +25,7 @@ from hemivar.formula.formula import ScalarFormula
 from hemivar.formula.poles import Pole, pole_of_pieces
 from hemivar.formula.smooth import WIDE, supremum_of_pieces
 from hemivar.laws.parameters import checked_reach, evaluate
+from hemivar.laws.proof import SAMPLED, Evidence, Proof, in_class_of, worst
 
 __all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
 
@@ -78,9 +79,9 @@ class StateBound(PickleMixin, ABC):
         """Lipschitz constant in the penetration, shape (m or 1,); inf where the bound jumps or needs the pressure."""
 
     @property
-    def lipschitz_sampled(self) -> bool:
-        """Whether that constant comes from samples, or from some penetrations only, so that it may be too small."""
-        return False
+    def proof(self) -> Proof:
+        """How that constant is known: from samples, or up to some penetration only, it may be too small."""
+        return in_class_of(self)
 
     @property
     def differentiable(self) -> bool:
@@ -180,7 +181,7 @@ class PenetrationBound(StateBound):
     -----
     The Lipschitz constant of a table is exact, and that of a formula a bound over all penetrations, found by interval
     arithmetic on its derivative.  Where no such bound is found it holds on ``[-reach, reach]`` only, and that of a
-    function is the steepest slope that was met there: then :attr:`lipschitz_sampled` is true.
+    function is the steepest slope that was met there: :attr:`proof` says so.
     """
 
     source: str | ScalarFormula | Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]
@@ -188,7 +189,7 @@ class PenetrationBound(StateBound):
     file: Path | None = field(default=None, compare=False)
     _evaluate: Callable[[Array], Array] = field(init=False, repr=False)
     _lipschitz: float = field(init=False, repr=False)
-    _sampled: bool = field(init=False, repr=False, default=False)
+    _proof: Proof = field(init=False, repr=False, default=Proof())
 
     def __post_init__(self) -> None:
         source = self.source
@@ -203,7 +204,10 @@ class PenetrationBound(StateBound):
             if proved is not None and (steepest < np.inf or proved[0] < np.inf):
                 steepest = max(proved[0], 0.0 if proved[1] else steepest)
             object.__setattr__(self, "_lipschitz", steepest)
-            object.__setattr__(self, "_sampled", steepest < np.inf and not (proved is not None and proved[1]))
+            if proved is not None and (proved[1] or steepest == np.inf):
+                object.__setattr__(self, "_proof", Proof(Evidence.BY_INTERVALS))
+            elif steepest < np.inf:
+                object.__setattr__(self, "_proof", SAMPLED)
             return
         try:
             first, second = source
@@ -278,8 +282,8 @@ class PenetrationBound(StateBound):
         return np.array([self._lipschitz])
 
     @property
-    def lipschitz_sampled(self) -> bool:
-        return self._sampled
+    def proof(self) -> Proof:
+        return self._proof
 
     @property
     def differentiable(self) -> bool:
@@ -506,8 +510,8 @@ class StackedBound(StateBound):
         return out[0], out[1]
 
     @property
-    def lipschitz_sampled(self) -> bool:
-        return any(part.lipschitz_sampled for part in self.parts)
+    def proof(self) -> Proof:
+        return worst(part.proof for part in self.parts)
 
     @property
     def lipschitz(self) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
+from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.parameters import LENGTH, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
@@ -104,10 +105,11 @@ class ExponentialWeakening(_EvenLaw):
             return np.asarray(kinetic + gain * np.exp(-rate * s))
         return np.asarray(-rate * gain * np.exp(-rate * s))
 
-    @property
-    def known_formula(self) -> tuple[int, Array]:
+    @cached_property
+    def laid_out(self) -> LaidOut | None:  # type: ignore[override]
+        """As the compiled kernels read it, see there."""
         static, kinetic, rate = self._resolved
-        return 2, columns(static - kinetic, kinetic, rate)
+        return lay_out(self, (2, columns(static - kinetic, kinetic, rate)))
 
     @property
     def weak_convexity(self) -> Array:
@@ -153,9 +155,10 @@ class LogarithmicWeakening(_EvenLaw):
         whole = self._resolved + s
         return np.asarray(1.0 / whole), np.asarray(-1.0 / (whole * whole))
 
-    @property
-    def known_formula(self) -> tuple[int, Array]:
-        return 1, columns(self._resolved)
+    @cached_property
+    def laid_out(self) -> LaidOut | None:  # type: ignore[override]
+        """As the compiled kernels read it, see there."""
+        return lay_out(self, (1, columns(self._resolved)))
 
     @property
     def weak_convexity(self) -> Array:

@@ -13,7 +13,7 @@ from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
 from hemivar.laws.parameters import LENGTH, parameter, positive
 from hemivar.laws.rescaled import ResolvedLaw
-from hemivar.laws.vector_law import VectorLaw
+from hemivar.laws.vector_law import VectorLaw, splits
 
 __all__ = ["RateAndState", "RateStateProfile"]
 
@@ -139,7 +139,7 @@ class RateAndState(Memory):
 
     def law(self, law: VectorLaw, state: MemoryState, step: LocalStep) -> VectorLaw:
         parts = self.parts_of(law)
-        if parts.friction.profile is not ABSOLUTE_VALUE or not law.splits:
+        if parts.friction.profile is not ABSOLUTE_VALUE or not splits(law):
             raise ProblemError(
                 f"rate-and-state friction makes its own profile, but the friction law is '{parts.friction.name}'; give "
                 f"Tresca(bound), whose bound is the normal pressure, or Tresca(CoulombBound(1.0))"

@@ -22,6 +22,7 @@ from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, suprem
 from hemivar.laws.named import LawKind, named
 from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
 from hemivar.laws.parameters import LENGTH, LINE, checked_reach, numbers, parameter
+from hemivar.laws.proof import SAMPLED, Constant, Evidence, Proof
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FORMULA", "FormulaLaw"]
@@ -238,10 +239,12 @@ class _FormulaLaw(OwnLaw):
                             f"law needs a finite slope everywhere (but at jumps of its derivative)"
                         )
 
-    @property
-    def constants_sampled(self) -> bool:  # type: ignore[override]
-        """Whether a constant is sampled, for want of a bound that is proved."""
-        return self.alpha_sampled or self.growth_sampled
+    def proof(self, constant: Constant) -> Proof:
+        (_, reach), by_intervals = self._alpha_and_reach, Evidence.BY_INTERVALS
+        if constant != "alpha":
+            return SAMPLED if self._growth_and_doubt[1] else Proof(by_intervals)
+        evidence = by_intervals if reach else Evidence.SAMPLED
+        return Proof(evidence, (reach,), (self._alpha_up_to,))
 
     @cached_property
     def _alpha_and_reach(self) -> tuple[float, float]:
@@ -271,20 +274,13 @@ class _FormulaLaw(OwnLaw):
         close = seen <= supremum.bound <= 1.01 * seen + 1e-6 * scale
         return supremum.bound if close and self._pole(within) is None else np.inf
 
-    def weak_convexity_within(self, reach: float) -> Array:
-        return np.array([self._alpha if reach == self.alpha_reach else self._alpha_within(reach)])
+    def _alpha_up_to(self, reach: float) -> Array:
+        alpha, limit = self._alpha_and_reach
+        return np.array([alpha if reach in (limit, np.inf) else self._alpha_within(reach)])
 
     @property
     def _alpha(self) -> float:  # type: ignore[override]
         return self._alpha_and_reach[0]
-
-    @property
-    def alpha_reach(self) -> float:
-        return self._alpha_and_reach[1]
-
-    @property
-    def alpha_sampled(self) -> bool:
-        return self.alpha_reach < np.inf
 
     @cached_property
     def _growth_and_doubt(self) -> tuple[tuple[float, float], bool]:
@@ -304,10 +300,6 @@ class _FormulaLaw(OwnLaw):
     @property
     def _growth(self) -> tuple[float, float]:  # type: ignore[override]
         return self._growth_and_doubt[0]
-
-    @property
-    def growth_sampled(self) -> bool:
-        return self._growth_and_doubt[1]
 
 
 def _beyond(third: SmoothFormula, reach: float, sides: Sequence[float]) -> list[Array]:

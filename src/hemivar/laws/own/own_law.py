@@ -12,6 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.laws.proof import SAMPLED, Constant, Proof, of_alpha
 from hemivar.laws.rescaled import ResolvedLaw
 
 __all__ = ["ArrayFunction", "LawPiece", "OwnLaw", "check_joined", "middle_of"]
@@ -35,9 +36,11 @@ class LawPiece(PickleMixin):
 class OwnLaw(ResolvedLaw):
     """A law, the same at every contact point, that is given by a list of smooth pieces."""
 
-    constants_sampled = True
     reach: float
     even: bool
+
+    def proof(self, constant: Constant) -> Proof:
+        return of_alpha(SAMPLED, lambda _: self.weak_convexity) if constant == "alpha" else SAMPLED
 
     @abstractmethod
     def _pieces(self) -> tuple[Array, tuple[LawPiece, ...]]:

@@ -10,7 +10,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.minimisers import MANY
+from hemivar.laws.minimisers import MANY, piece_bounds
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.rescaled import row
@@ -164,7 +164,7 @@ class EnvelopeLaw(LawOfOne):
         c = np.broadcast_to(self.compliance, r.shape)
         soft = (c > 0.0) & ~at_knot
         a = 1.0 / np.where(c > 0.0, c, 1.0)
-        low, high = self.base.piece_bounds(smooth)
+        low, high = piece_bounds(self.base, smooth)
         s, _ = self.base.stationary_point(smooth, a, a * r, low, high, soft & (low < high))
         s = np.where(soft, np.clip(s, low, high), r)
         return smooth, np.where(at_knot, at, s), at_knot
@@ -206,7 +206,7 @@ class EnvelopeLaw(LawOfOne):
         worst = np.zeros(rows)
         for i in range(self.base.knots.shape[-1] + 1):
             piece = np.full(rows, i, dtype=np.int64)
-            low, high = (np.broadcast_to(end, (rows,)) for end in self.base.piece_bounds(piece))
+            low, high = (np.broadcast_to(end, (rows,)) for end in piece_bounds(self.base, piece))
             fall = np.maximum(falls_between(self.base, piece, low, high), 0.0)
             worst = np.maximum(worst, fall / (1.0 - c * fall))
         return np.where(c == 0.0, self.base.weak_convexity, worst)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.proof import Constant, Proof, worst
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.transformed_law import count_knots, falls_between, lines, merged, pick, table_of
@@ -181,6 +182,7 @@ class LawGraph(ResolvedLaw):
 
     @property
     def made_of(self) -> tuple[Superpotential, ...]:
+        """The laws of its terms."""
         return tuple(term.law for term in self.terms)
 
     @property
@@ -261,19 +263,26 @@ class LawGraph(ResolvedLaw):
             return texts[0]
         return " + ".join(f"({text})" for text in texts if text != "0") or "0"
 
-    @property
-    def alpha_reach(self) -> float:
-        return min(term.law.alpha_reach for term in self.terms) if self.plain else super().alpha_reach
-
-    def weak_convexity_within(self, reach: float) -> Array:
-        return self._alpha_within(reach) if reach <= self.alpha_reach else np.full(1, np.inf)
+    def proof(self, constant: Constant) -> Proof:
+        known = worst(law.proof(constant) for law in self.made_of)
+        known = known if self.plain else known.whole()
+        return replace(known, values=(self._alpha_within,)) if constant == "alpha" else known
 
     @cached_property
     def weak_convexity(self) -> Array:  # type: ignore[override]
         """alpha, see there."""
-        return self._alpha_within(self.alpha_reach or np.inf)
+        return self._alpha_up_to(self._alpha_reach or np.inf)
+
+    @property
+    def _alpha_reach(self) -> float:
+        return self.proof("alpha").reach[0]
 
     def _alpha_within(self, reach: float) -> Array:
+        if reach == np.inf:
+            return self.weak_convexity
+        return self._alpha_up_to(reach) if reach <= self._alpha_reach else np.full(1, np.inf)
+
+    def _alpha_up_to(self, reach: float) -> Array:
         knots, (left, right) = self.places, self._slopes
         bound = Interval(np.maximum(self.ends.lower, -reach), np.minimum(self.ends.upper, reach))
         inner = (knots > bound.lower[..., None]) & (knots < bound.upper[..., None])

@@ -17,6 +17,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import FAR, MANY
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.proof import Constant, Proof, of_alpha
 from hemivar.laws.rescaled import RescaledLaw, ResolvedLaw
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
@@ -49,9 +50,9 @@ class LawOfOne(ResolvedLaw):
         """Name of the law that it is made of."""
         return self.base.name
 
-    @property
-    def made_of(self) -> tuple[Superpotential, ...]:
-        return (self.base,)
+    def proof(self, constant: Constant) -> Proof:
+        known = self.base.proof(constant).whole()
+        return of_alpha(known, lambda _: self.weak_convexity) if constant == "alpha" else known
 
     @abstractmethod
     def _raw(self, piece: IntArray, r: Array) -> Array:

@@ -32,7 +32,7 @@ def _curvature(terms: Sequence[Superpotential], pieces: Sequence[IntArray], r: A
 
 def _noise(law: Superpotential) -> float:
     """What a curvature may change by rounding, or by differences where it is computed so."""
-    return 1e-4 if law.alpha_sampled else 1e-12
+    return 1e-12 if law.proof("alpha").sure else 1e-4
 
 
 def _opposed(terms: Sequence[Superpotential], pieces: Sequence[IntArray], low: Array, high: Array) -> BoolArray:
