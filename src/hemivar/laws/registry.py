@@ -17,15 +17,15 @@ from hemivar.basics.arguments import shortened
 from hemivar.basics.stated import Form, Stated, stated
 from hemivar.basics.user_code import class_named, name_of_class, of_user
 from hemivar.errors import HemivarError, ProblemError
-from hemivar.laws import coupled, friction, normal, own
+from hemivar.laws import coupled, friction, memory, normal, own
 from hemivar.laws.friction import Friction
 from hemivar.laws.named import LawEntry, LawKind, named_in
 from hemivar.laws.parameters import FRICTION
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
-    "COUPLED_LAWS", "FRICTION_LAWS", "NORMAL_LAWS", "LawEntry", "LawKind", "entry_named", "entry_of", "friction_law",
-    "normal_law",
+    "COUPLED_LAWS", "FRICTION_LAWS", "MEMORIES", "NORMAL_LAWS", "LawEntry", "LawKind", "entry_named", "entry_of",
+    "friction_law", "normal_law",
 ]  # fmt: skip
 
 #: Normal laws by name.
@@ -34,6 +34,8 @@ NORMAL_LAWS = named_in(LawKind.NORMAL, normal, own)
 COUPLED_LAWS = named_in(LawKind.NORMAL, coupled)
 #: Friction laws by name.
 FRICTION_LAWS = named_in(LawKind.FRICTION, friction)
+#: What contact points remember in time, by name.
+MEMORIES = named_in(LawKind.MEMORY, memory)
 
 
 def normal_law(name: str, **values: object) -> Superpotential:
