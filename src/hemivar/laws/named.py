@@ -54,7 +54,7 @@ class LawEntry:
     @property
     def key(self) -> str:
         """The key of its name in files."""
-        return "kind" if self.kind is LawKind.MEMORY else "law"
+        return {LawKind.MEMORY: "kind", LawKind.SCHEME: "name"}.get(self.kind, "law")
 
     @property
     def required(self) -> tuple[str, ...]:
