@@ -12,13 +12,12 @@ from hemivar.identification.fit import Fit
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 from hemivar.report.summary import Summary
-from hemivar.report.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["fit_summary", "fit_table", "plot_fit"]
+__all__ = ["fit_summary", "plot_fit"]
 
 
 def fit_summary(found: Fit) -> Summary:
@@ -32,32 +31,6 @@ def fit_summary(found: Fit) -> Summary:
     rows += [("misfit", f"{found.misfit:.2%}"), ("intervals", f"{found.confidence:.0%}, noise {found.noise:.2%}")]
     rows += [("note", text) for text in found.messages]
     return Summary(tuple(rows))
-
-
-def fit_table(found: Fit, title: str = "") -> Table:
-    """One line for each parameter: value, interval, standard error, and whether the curve tells it.
-
-    Parameters
-    ----------
-    found : Fit
-    title : str, optional
-
-    Returns
-    -------
-    Table
-    """
-    columns = ("parameter", "value", "low", "high", "standard error", "identified")
-    rows = []
-    for place, one in enumerate(found.parameters):
-        low, high = (float(end) if np.isfinite(end) else None for end in found.intervals[place])
-        error = float(found.standard_errors[place])
-        rows.append(
-            (
-                one.key, float(found.values[place]), low, high, error if np.isfinite(error) else None,
-                "yes" if found.identified[place] else "no",
-            )
-        )  # fmt: skip
-    return Table(columns, tuple(rows), title)
 
 
 def plot_fit(found: Fit, *, title: str | None = None) -> Figure:
