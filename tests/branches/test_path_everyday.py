@@ -10,7 +10,9 @@ from tests.evolution.test_march_everyday import KINDS, drawn, seeds
 from tests.samples import slow
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("two", 501), ("two", 508), slow("tip", 104)])
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("beam_on_two_supports", 501), ("beam_on_two_supports", 508), slow("tip", 104)]
+)
 def test_the_load_path_of_coulombs_law_ends_at_the_solution(kind: str, seed: int) -> None:
     """From rest, where all cones have their apex, past corners that lie close to one another beside wide gaps."""
     path = hv.follow_path(drawn(kind, seed), (0.0, 1.5), max_points=100)
@@ -22,7 +24,7 @@ def test_the_load_path_of_coulombs_law_ends_at_the_solution(kind: str, seed: int
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("cube", "ball")])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("walled_cube", "ball")])
 def test_everyday_problems_have_load_paths(kind: str) -> None:
     """They end at the upper load factor, or at a limit load."""
     for seed in seeds(kind):

@@ -18,7 +18,7 @@ __all__ = ["is_unv", "parse_unv"]
 
 #: How such a file begins.
 _BEGIN = re.compile(rb"\A\s*-1[ \t]*\r?\n[ \t]*\d{1,5}[ \t]*\r?\n")
-#: Elements by their numbers there: rods and beams; shells, plates, membranes, plane and axisymmetric ones; solids.
+#: Elements by their numbers there: rods and beams; shells, plates, membranes, plane and revolved ones; solids.
 _KINDS = {
     11: "line", 21: "line", 22: "line3", 23: "line3", 24: "line3",
     111: "tetra", 118: "tetra10", 112: "wedge", 113: "wedge15", 115: "hexahedron", 116: "hexahedron20",

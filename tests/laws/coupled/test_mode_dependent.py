@@ -229,7 +229,7 @@ def test_a_body_that_is_not_linear_keeps_the_fixed_point() -> None:
     )
     found = hv.solve(stated)
     assert found.status.name == "CONVERGED"
-    assert found.method.startswith("fixed-opened_point(")
+    assert found.method.startswith("fixed-point(")
 
 
 def test_a_step_of_newtons_method_across_a_barrier_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
