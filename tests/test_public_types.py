@@ -17,7 +17,7 @@ from hemivar import gallery
 from hemivar.bounds.body_data import Kept
 from hemivar.discrete import ContactPoints, Field, Quadratic, Space
 from hemivar.errors import HemivarError
-from hemivar.evolution.schemes import SCHEMES
+from hemivar.evolution.schemes.by_name import SCHEMES
 from hemivar.files.problem_file import ProblemFile
 from hemivar.files.settings import SolverSettings
 from hemivar.formula import Formula

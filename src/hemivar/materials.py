@@ -5,4 +5,12 @@ from hemivar.mechanics.material_check import check_material
 from hemivar.mechanics.moduli import Branch
 from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds, StoredEnergy
 
-__all__ = ["Branch", "InvariantEnergy", "Invariants", "IsotropicBounds", "Material", "StoredEnergy", "check_material"]
+__all__ = [
+    "Branch",
+    "InvariantEnergy",
+    "Invariants",
+    "IsotropicBounds",
+    "Material",
+    "StoredEnergy",
+    "check_material",
+]

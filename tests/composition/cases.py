@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -40,7 +40,8 @@ from hemivar.laws import (
     ViscousFoundation,
     Wear,
 )
-from hemivar.laws.registry import NORMAL_LAWS
+from hemivar.laws.named import LawEntry
+from hemivar.laws.registry import COUPLED_LAWS, MEMORIES, NORMAL_LAWS
 from hemivar.mechanics import ContactProblem, ScalarContact
 from hemivar.mesh import Mesh
 
@@ -98,17 +99,26 @@ NORMALS: dict[str, Superpotential | VectorLaw] = {
     "bilateral": hv.laws.Bilateral(),
     "none": NoContact(),
 }
-#: Laws by name that another family stands for.
+#: Laws and memories by name that another family stands for.
 LIKE = {
     "survey": "compliance", "capped": "saw-tooth", "layered": "saw-tooth", "pressure-table": "table",
+    "bonding": "bond", "rate-and-state": "slip sum",
 }  # fmt: skip
-NORMALS |= {
-    name: entry.make(**entry.example).at(np.zeros((1, 2)))
-    for name, entry in NORMAL_LAWS.items()
-    if name not in LIKE and name not in {law.name for law in NORMALS.values()} and entry.example is not None
-}
+
+
+def _others(entries: Mapping[str, LawEntry], known: Collection[str]) -> dict[str, Any]:
+    """Those by name that stand in no level, with the values that they are shown with."""
+    more = [entry for name, entry in entries.items() if name not in LIKE and name not in known]
+    return {
+        entry.name: entry.make(**entry.example).at(np.zeros((1, 2)))  # type: ignore[attr-defined]
+        for entry in more
+        if entry.example is not None
+    }
+
+
 #: Those of the opening and the slip together, and those that hold a body that is drawn off.
-COUPLED = ("mixed-mode", "mode-dependent", "coupled-formula", "coupled-function")
+COUPLED = ("mixed-mode", "mode-dependent", "coupled-formula", "coupled-function", *_others(COUPLED_LAWS, NORMALS))
+NORMALS |= _others(NORMAL_LAWS | COUPLED_LAWS, {*NORMALS, *(law.name for law in NORMALS.values())})
 GLUES = ("adhesive", "cohesion", "saw-tooth", *COUPLED)
 
 FRICTIONS: Mapping[str, Friction] = {
@@ -121,7 +131,7 @@ FRICTIONS: Mapping[str, Friction] = {
 }
 
 #: What stands beside the laws in time: memory and damping.
-BESIDE: Mapping[str, Mapping[str, Any]] = {
+BESIDE: dict[str, Mapping[str, Any]] = {
     "none": {},
     "wear": {"memory": (Wear(0.1),)},
     "creep": {"memory": (ViscousFoundation(20.0),)},
@@ -132,6 +142,8 @@ BESIDE: Mapping[str, Mapping[str, Any]] = {
     "bond": {"memory": (PlasticBond(20.0, 20.0, 1e-3, 0.1, 10.0),)},
     "damping": {"damping": hv.Compliance(0.4)},
 }
+_REMEMBERED = {one.name for beside in BESIDE.values() for one in beside.get("memory", ())}
+BESIDE |= {name: {"memory": (memory,)} for name, memory in _others(MEMORIES, _REMEMBERED).items()}
 TIMED = tuple(name for name in BESIDE if name != "none")
 
 

@@ -459,3 +459,13 @@ def test_installed_packages_name_their_laws(tmp_path: Path) -> None:
     assert "there is no module 'no_such_module'" in broken
     assert "'ownlaws' names no class; its package must write module:Class" in odd
     assert ours == "ThresholdCompliance"
+    listed = subprocess.run(
+        [sys.executable, "-m", "hemivar", "laws"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120
+    )
+    own, _, installed = " ".join(listed.stdout.split()).partition("laws of installed packages ")
+    assert own.count("survey: ") == 1
+    assert "survey" not in installed
+    assert "two-springs (package springs): Two springs that push, the second from a penetration on." in installed
+    assert 'normal = { law = "two-springs", first = ... } first stiffness of the first spring' in installed
+    assert "twice: 'twice' is a name that the packages 'glues' and 'springs' give; remove one of them" in installed
+    assert "broken: there is no module 'no_such_module'" in installed

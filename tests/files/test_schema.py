@@ -13,7 +13,7 @@ import pytest
 from hemivar.basics.stated import Form, keys_of, stated, stated_fields
 from hemivar.errors import ProblemError
 from hemivar.evolution import March, Save
-from hemivar.evolution.schemes import SCHEMES
+from hemivar.evolution.schemes.by_name import SCHEMES
 from hemivar.files.not_expressible import difference
 from hemivar.files.schema import decode, encode, rows_of
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings

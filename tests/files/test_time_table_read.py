@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,12 +11,12 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.fem.dynamics import body_family
-from hemivar.files.contact_table import memory_kinds
 from hemivar.files.not_expressible import difference
 from hemivar.files.problem_file import ProblemFile, parse_problem, parse_problem_file, read_problem_file, write_problem
 from hemivar.files.settings import OutputSettings, TimeSettings
 from hemivar.formula import Formula, FormulaArray
 from hemivar.laws.memory import MemoryChain, Secant
+from hemivar.laws.registry import MEMORIES
 from hemivar.mechanics.moduli import Moduli
 from hemivar.mesh import Mesh, rectangle
 from hemivar.mesh.write import msh_text
@@ -242,17 +241,17 @@ def test_python_functions_of_time_are_refused(tmp_path: Path) -> None:
 
 def test_every_memory_comes_back(tmp_path: Path) -> None:
     """With parameters as numbers, and as formulas."""
-    for name, kind in memory_kinds().items():
+    for name, entry in MEMORIES.items():
         for values in ("0.5", "'0.5 + 0.1 * x'"):
-            given = "".join(f", {part.name} = {values}" for part in dataclasses.fields(kind))
+            given = "".join(f", {part.name} = {values}" for part in entry.parameters)
             contact = f'normal = "compliance"\nmemory = [{{ kind = "{name}"{given} }}]'.replace(
                 '"compliance"', '{ law = "compliance", stiffness = 1 }'
             )
             round_trip(text_of(contact__bottom=contact), tmp_path)
             (memory,) = read_problem_file(tmp_path / "given.toml").problem.contact["bottom"].memory
-            assert type(memory) is kind
+            assert type(memory) is entry.build
             at = memory.at(np.array([[0.0, 0.0], [1.0, 0.0]]))
-            for part in dataclasses.fields(kind):
+            for part in entry.parameters:
                 value = np.broadcast_to(getattr(at, part.name), 2)
                 np.testing.assert_allclose(value, [0.5, 0.5 if values == "0.5" else 0.6])
 

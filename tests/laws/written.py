@@ -1,15 +1,17 @@
-"""What is written from laws: the exports of their packages, and rows of the pages for laws that have none.
+"""What is written from laws, memories, materials and schemes: exports of their packages, rows of pages that have none.
 
 python -m tests.laws.written      # writes them; a test compares
 
-A law is a class or a function under ``named`` in any file of ``laws/normal``, ``laws/friction`` or ``laws/coupled``;
-where it is to be imported from ``hemivar.laws`` its name stands in ``__all__`` of that file.
+Each is a class or a function under ``named`` in any file of ``laws/normal``, ``laws/friction``, ``laws/coupled``,
+``laws/memory``, ``mechanics`` or ``evolution/schemes``; where it is to be imported its name stands in ``__all__`` of
+that file.
 """
 
 from __future__ import annotations
 
 import ast
 import inspect
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -17,27 +19,37 @@ import numpy as np
 
 import hemivar
 from hemivar.basics.stated import Argument, Form
+from hemivar.evolution import March
+from hemivar.evolution.schemes.by_name import SCHEME_ENTRIES
+from hemivar.files.schema import rows_of
 from hemivar.laws import Superpotential
-from hemivar.laws.named import LawEntry
-from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS
+from hemivar.laws.named import LawEntry, LawKind
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, MEMORIES, NORMAL_LAWS
+from hemivar.mechanics import Material
+from hemivar.mechanics.material_registry import MATERIAL_LAWS
 
-LAWS = Path(hemivar.__file__).parent / "laws"
+HOUSE = Path(hemivar.__file__).parent
+LAWS = HOUSE / "laws"
 DOCS = Path(__file__).parents[2] / "docs"
-#: Packages of laws by name, with the laws, and how the heads of their tables begin on the pages.
-PACKAGES = {
-    "normal": (NORMAL_LAWS, "| | pressure at penetration r |", "| normal law |"),
-    "coupled": (COUPLED_LAWS, "", "| law of both |"),
-    "friction": (FRICTION_LAWS, "| | friction while slipping by s |", "| friction law |"),
+#: Packages by name, with what they hold, and how the heads of their tables begin on the page of it and that of files.
+PACKAGES: dict[str, tuple[Mapping[str, LawEntry], str, str, str]] = {
+    "laws.normal": (NORMAL_LAWS, "laws.md", "| | pressure at penetration r |", "| normal law |"),
+    "laws.coupled": (COUPLED_LAWS, "laws.md", "", "| law of both |"),
+    "laws.friction": (FRICTION_LAWS, "laws.md", "| | friction while slipping by s |", "| friction law |"),
+    "laws.memory": (MEMORIES, "evolution.md", "| memory | what it models |", "| memory |"),
+    "mechanics": (MATERIAL_LAWS, "nonlinear.md", "", "| `law` | stress or energy |"),
+    "evolution.schemes": (SCHEME_ENTRIES, "evolution.md", "| scheme | order |", ""),
 }
 #: Lines of at most so many characters.
 WIDTH = 120
 
 
 def makers(package: str) -> Iterator[tuple[str, str, LawEntry]]:
-    """Modules, names and entries of the laws of a package that are exported."""
+    """Modules, names and entries of what a package exports: no material that a constructor of ``Material`` makes."""
     for entry in PACKAGES[package][0].values():
         module, name = entry.build.__module__, entry.build.__name__
-        if f".laws.{package}." in module and not name.startswith("_"):
+        made = entry.kind is LawKind.MATERIAL and hasattr(Material, entry.name.replace("-", "_"))
+        if f".{package}." in module and not name.startswith("_") and not made:
             yield module, name, entry
 
 
@@ -92,10 +104,14 @@ def with_rows(text: str, head: str, rows: Iterator[tuple[str, str]]) -> str:
     return text[:end] + missing + text[end:]
 
 
-def row_of_laws(name: str, entry: LawEntry) -> tuple[str, str]:
-    """The row of docs/laws.md: call, formula, weak convexity of the example."""
+def row_of_page(name: str, entry: LawEntry) -> tuple[str, str]:
+    """The row of the page of its kind; of a law: call, formula, weak convexity of the example."""
     arguments = [one for one in inspect.signature(entry.build).parameters if one not in ("name", "of")]
     call = f"`{name}({', '.join(arguments)})`"
+    if entry.kind is LawKind.MEMORY:
+        return f"`{name}`", f"| `{name}` | {entry.summary} |"
+    if entry.kind is LawKind.SCHEME:
+        return f"`{name}(", f"| {call} | {entry.build().order} | {entry.summary} | {entry.formula} |"  # type: ignore[attr-defined]
     law = entry.make(**(entry.example or {}))
     profile = law if isinstance(law, Superpotential) else law.profile  # type: ignore[attr-defined]
     alpha = float(np.max(profile.at(np.zeros((1, 2))).weak_convexity))
@@ -105,7 +121,7 @@ def row_of_laws(name: str, entry: LawEntry) -> tuple[str, str]:
 
 def row_of_files(entry: LawEntry) -> tuple[str, str]:
     """The row of docs/problem-file.md: name, what it does, parameters with limits and defaults."""
-    said = ", ".join(_parameter(one) for one in entry.parameters if one.key != "of")
+    said = ", ".join(_parameter(one) for one in entry.parameters if one.key not in ("of", "plane"))
     return f'| `"{entry.name}"` |', f'| `"{entry.name}"` | {entry.summary} | {said} |'
 
 
@@ -127,19 +143,34 @@ def _is_number(value: object) -> bool:
 def written() -> dict[Path, str]:
     """Files as they must be."""
     files, all_names = {}, dict[str, set[str]]()
-    pages = {name: (DOCS / name).read_text(encoding="utf-8") for name in ("laws.md", "problem-file.md")}
-    for package, (entries, of_laws, of_files) in PACKAGES.items():
+    pages = {name: (DOCS / name).read_text(encoding="utf-8") for name in ("laws.md", "evolution.md", "problem-file.md")}
+    for package, (entries, page, of_kind, of_files) in PACKAGES.items():
         own = list(makers(package))
         modules = {module: {name for of, name, _ in own if of == module} for module, _, _ in own}
-        files[LAWS / package / "__init__.py"] = exports(LAWS / package / "__init__.py", modules)
-        all_names[f"hemivar.laws.{package}"] = {name for _, name, _ in own}
-        rows = (row_of_laws(name, entry) for _, name, entry in own)
-        pages["laws.md"] = with_rows(pages["laws.md"], of_laws, rows)
-        pages["problem-file.md"] = with_rows(
-            pages["problem-file.md"], of_files, (row_of_files(entry) for entry in entries.values())
-        )
-    files[LAWS / "__init__.py"] = exports(LAWS / "__init__.py", all_names)
+        file = HOUSE / package.replace(".", "/") / "__init__.py"
+        files[file] = exports(file, modules)
+        all_names[f"hemivar.{package}"] = {name for _, name, _ in own}
+        if of_kind:
+            pages[page] = with_rows(pages[page], of_kind, (row_of_page(name, entry) for _, name, entry in own))
+        rows = (row_of_files(entry) for entry in entries.values())
+        pages["problem-file.md"] = with_rows(pages["problem-file.md"], of_files, rows)
+        if package == "mechanics":
+            files[HOUSE / "materials.py"] = exports(HOUSE / "materials.py", modules)
+    laws = {package: names for package, names in all_names.items() if ".laws." in package}
+    files[LAWS / "__init__.py"] = exports(LAWS / "__init__.py", laws)
+    stub = HOUSE / "evolution" / "__init__.pyi"
+    files[stub] = with_stubs(stub.read_text(encoding="utf-8"), "schemes", all_names["hemivar.evolution.schemes"])
+    (row,) = (row for row in rows_of(March) if row.startswith("| `scheme` |"))
+    pages["problem-file.md"] = re.sub(r"\| `scheme` \|.*", lambda _: row, pages["problem-file.md"])
     return files | {DOCS / name: text for name, text in pages.items()}
+
+
+def with_stubs(text: str, module: str, names: set[str]) -> str:
+    """A stub that imports these names from a module, too."""
+    old = [line for line in text.splitlines() if line.startswith(f"from .{module} ")]
+    new = {f"from .{module} import {name} as {name}" for name in names} | set(old)
+    block = sorted(new, key=lambda line: _order(line.split()[-1]))
+    return text.replace("\n".join(old), "\n".join(block))
 
 
 if __name__ == "__main__":

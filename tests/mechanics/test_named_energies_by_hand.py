@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import pickle
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics import Material, check_material
 from hemivar.mechanics.composed_material import lower_elasticity
+from hemivar.mechanics.material_registry import MATERIAL_LAWS, named_material
 from hemivar.mechanics.material_words import BoundsBy
 
 BULK, SHEAR = 20 / 3, 4.0
@@ -42,6 +43,11 @@ EVERY = {
     "components of space": lambda: Material.potential(
         "2*exx^2 + 3*eyy^2 + 2*ezz^2 + exx*eyy + 4*exy^2 + 3*eyz^2 + 3*exz^2 + 5*exx^4", reach=0.3
     ),
+}
+EVERY |= {
+    name: partial(named_material, name, **(entry.example or {}))
+    for name, entry in MATERIAL_LAWS.items()
+    if not any(made.startswith(name) for made in EVERY) and entry.example is not None
 }
 
 

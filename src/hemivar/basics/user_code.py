@@ -21,8 +21,8 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 
 __all__ = [
-    "GROUP", "checked_code", "class_named", "load_file", "loaded_code", "loaded_files", "name_of_class", "of_user",
-    "stands_at",
+    "GROUP", "checked_code", "class_named", "installed", "load_file", "loaded_code", "loaded_files", "name_of_class",
+    "of_user", "stands_at",
 ]  # fmt: skip
 
 #: The entry points by which installed packages give names to their classes.
@@ -105,6 +105,11 @@ def _installed() -> dict[str, dict[str, str]]:
         package = entry.dist.name if entry.dist is not None else "?"
         classes.setdefault(entry.name, {})[package] = entry.value.partition("[")[0].strip()
     return classes
+
+
+def installed() -> dict[str, str]:
+    """The names that packages give to their classes, with the packages."""
+    return {name: " and ".join(sorted(given)) for name, given in sorted(_installed().items())}
 
 
 def _class_of(name: str, file: str) -> type:

@@ -13,6 +13,7 @@ from hemivar.basics.deadline import Budget, limited
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.rows import Column, Rows
 from hemivar.basics.types import Array
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SearchProgress, SolutionSearch
@@ -76,6 +77,25 @@ class SolutionSet(Sequence[Solution], ReprMixin):
         more = ", ..." if len(self) > len(first) else ""
         known = "all" if self.exhaustive else "perhaps not all"
         return f"SolutionSet({len(self)} solutions, {known}; energies {energies}{more}; {self.searched})"
+
+    def rows(self) -> Rows:
+        """A row for each solution: kind, energy, largest penetration or opening, forces, status, residual."""
+        glued = any(one.debonding for one in self)
+        depths = [(-one.penetration if glued else one.penetration).max(initial=0.0) for one in self]
+        lowest = -np.inf
+        six = "{:.6g}".format
+        columns = (
+            Column("", range(1, len(self) + 1)),
+            Column("kind", [None if one.kind is None else one.kind.value for one in self], "kind"),
+            Column("energy", [one.energy for one in self], "energy", unit="energy", cell="{:.10g}".format),
+            Column("max opening" if glued else "max penetration", depths, unit="length", cell=six),
+            Column(None, [float(one.penetration.max(initial=lowest)) for one in self], "max_penetration"),
+            Column("normal force", [one.normal_force for one in self], "normal_force", unit="force", cell=six),
+            Column("contact", [one.contact_length for one in self], "contact", cell=six),
+            Column(None, [one.status.value for one in self], "status"),
+            Column("residual", [one.residual.relative for one in self], "residual"),
+        )
+        return Rows(columns)
 
     def __len__(self) -> int:
         return len(self.solutions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from pathlib import Path
@@ -19,10 +18,9 @@ from hemivar.cli.terminal import quiet_logging
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.files.problem_file import ProblemFile
     from hemivar.solvers import Solver
     from hemivar.survey.survey_report import SurveyReport
-    from hemivar.workflows import Attempt, Comparison, Event
+    from hemivar.workflows import Event
 
 __all__ = ["CertifyCommand", "CompareCommand", "SurveyCommand"]
 
@@ -88,8 +86,6 @@ class CertifyCommand(OnProblem):
 
 #: Seconds that a method has.
 _SECONDS = 60.0
-_COLUMNS = ("method", "status", "time (s)", "steps", "evaluations", "residual", "energy", "difference")
-_KEYS = ("method", "status", "seconds", "steps", "evaluations", "residual", "energy", "difference")
 
 
 class CompareCommand(OnProblem):
@@ -141,49 +137,28 @@ class CompareCommand(OnProblem):
                 return print(f"limits            {limits}\n")
 
             comparison = result_of(compare(discrete, CompareOptions(self.solvers, controls)), show)
-        columns = tuple(stated.units.head(name, "energy" if name == "energy" else "") for name in _COLUMNS)
-        table = Table(columns, tuple(map(_row, comparison.attempts)))
+        table = Table.of(comparison.rows(), units=stated.units)
         print_table(console(), table)
         if comparison.reference is not None:
             print(f"difference: relative, in the energy norm, to {comparison.reference.name}")
         for attempt in comparison.attempts:
             if attempt.note:
                 print(f"{attempt.name}: {attempt.note}")
-        files: Files = {"--csv": table.write_csv, "--json": _record(stated, comparison)}
+        reference = comparison.reference
+        record = {
+            "problem": stated.name,
+            "title": stated.problem.title,
+            "unknowns": comparison.problem.unknowns,
+            "contact_points": comparison.problem.contact_points,
+            "reference": None if reference is None else reference.name,
+            "methods": comparison.rows()[:],
+        }
+        files: Files = {"--csv": table.write_csv, "--json": record}
         if comparison.interrupted or comparison.attempts[0].status == "converged":
             return Done(files, interrupted=comparison.interrupted)
         first = comparison.attempts[0]
         line = f"hemivar: the reference method {first.name} did not converge: {one_line(first.note)}\n"
         return Done(files, False, last=lambda: sys.stderr.write(line))
-
-
-def _row(attempt: Attempt) -> tuple[str | float | None, ...]:
-    s = attempt.solution
-    if s is None:
-        return (attempt.name, attempt.status, *[None] * 6)
-    return (
-        attempt.name, attempt.status, attempt.seconds, s.steps, s.evaluations, s.residual.relative, f"{s.energy:.10g}",
-        attempt.difference,
-    )  # fmt: skip
-
-
-def _record(stated: ProblemFile, comparison: Comparison) -> dict[str, object]:
-    def plain(value: str | float | None) -> str | float | None:
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    records = []
-    for attempt in comparison.attempts:
-        record = dict(zip(_KEYS, map(plain, _row(attempt)), strict=True))
-        record["energy"] = None if attempt.solution is None else plain(attempt.solution.energy)
-        records.append({**record, "note": attempt.note})
-    return {
-        "problem": stated.name,
-        "title": stated.problem.title,
-        "unknowns": comparison.problem.unknowns,
-        "contact_points": comparison.problem.contact_points,
-        "reference": None if comparison.reference is None else comparison.reference.name,
-        "methods": records,
-    }
 
 
 class SurveyCommand(Command):

@@ -21,10 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hemivar.basics.types import Array
-    from hemivar.basics.units import Units
     from hemivar.branches import Path as EquilibriumPath
     from hemivar.branches import SolutionSet
-    from hemivar.report.tables import Table
 
 __all__ = ["BracketCommand", "PathCommand", "SolutionsCommand"]
 
@@ -53,6 +51,7 @@ class SolutionsCommand(OnProblem):
 
     def work(self) -> Done:
         from hemivar.files import solution_record
+        from hemivar.report.tables import Table
         from hemivar.workflows import SolutionsOptions, solutions
 
         session = self.session
@@ -63,7 +62,7 @@ class SolutionsCommand(OnProblem):
         print(f"solutions         {len(equilibria)}; {others}")
         print(f"searched          {equilibria.searched}")
         if len(equilibria):
-            print_table(console(), _solutions_table(equilibria, session.stated.units))
+            print_table(console(), Table.of(equilibria.rows(), units=session.stated.units))
         for number, solution in enumerate(equilibria):
             if solution.deformation is not None and solution.deformation.warning is not None:
                 print(f"warning           solution {number + 1}: {solution.deformation.warning}")
@@ -103,35 +102,6 @@ class SolutionsCommand(OnProblem):
             "--plot": partial(plot_solutions, equilibria, title=session.title, colour=colour, **units),
             **{path: partial(picture, number) for number, path in enumerate(own[:MOST_PICTURES])},
         }
-
-
-def _solutions_table(equilibria: SolutionSet, units: Units) -> Table:
-    """One line for each solution."""
-    from hemivar.report.tables import Table
-
-    glued = any(s.debonding for s in equilibria)
-    columns = (
-        "",
-        "kind",
-        units.head("energy", "energy"),
-        units.head("max opening" if glued else "max penetration", "length"),
-        units.head("normal force", "force"),
-        "contact",
-        "residual",
-    )
-    rows = tuple(
-        (
-            i + 1,
-            s.kind,
-            f"{s.energy:.10g}",
-            f"{(-s.penetration if glued else s.penetration).max(initial=0.0):.6g}",
-            f"{s.normal_force:.6g}",
-            f"{s.contact_length:.6g}",
-            s.residual.relative,
-        )
-        for i, s in enumerate(equilibria)
-    )
-    return Table(columns, rows)
 
 
 class PathCommand(OnProblem):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hemivar.laws import MixedMode, ModeDependentGlue, OwnCoupledLaw, Superpotential
-    from hemivar.laws.registry import LawEntry
+    from hemivar.laws.registry import LawEntry, LawKind
     from hemivar.workflows import LawStudy
     from hemivar.workflows.law_study import Value
 
@@ -122,25 +122,46 @@ def _values_given(given: list[str] | None, example: str) -> dict[str, str]:
 
 def _list_laws() -> None:
     """Print all laws with their parameters."""
-    from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS
+    from hemivar.laws import Friction, Superpotential, VectorLaw
+    from hemivar.laws.memory import Memory
+    from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, MEMORIES, NORMAL_LAWS, LawKind
 
-    titles = ("normal laws", "laws of opening and slip together", "friction laws")
-    for title, entries in zip(titles, (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS), strict=True):
+    titles = ("normal laws", "laws of opening and slip together", "friction laws", "memories, in time only")
+    for title, entries in zip(titles, (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS, MEMORIES), strict=True):
         print(title)
         for entry in entries.values():
             _print_entry(entry)
         print()
+    bases = {LawKind.FRICTION: (Friction,), LawKind.NORMAL: (Superpotential, VectorLaw), LawKind.MEMORY: (Memory,)}
+    _list_installed("laws", bases)
     print("Every single number is a number or, in quotes, a formula of x and y (and z).  A friction bound may also be")
     print('{ table = "bound.csv" } or { formula = "8*s" } of the penetration s, or { coulomb = 0.3 } of the pressure.')
     print("'hemivar laws NAME' shows a law with its constants, with --plot FILE its graph.")
 
 
+def _list_installed(what: str, bases: Mapping[LawKind, tuple[type, ...]]) -> None:
+    """Print what installed packages name, each with its package."""
+    from hemivar.laws.registry import installed_laws
+
+    title = f"{what} of installed packages\n"
+    for package, entry in installed_laws(bases):
+        print(title, end="")
+        title = ""
+        if isinstance(entry, str):
+            print(f"\n  {entry} (package {package})")
+        else:
+            _print_entry(entry, f" (package {package})")
+    if not title:
+        print()
+
+
 def _print_study(study: LawStudy, named: bool) -> None:
-    print(f"{study.entry.kind} law")
+    print(study.entry.noun if study.entry.noun != "law" else f"{study.entry.kind} law")
     if named:
         _print_entry(study.entry)
     if study.curve is None:
-        print("\nits graph comes from a file: give it with --file LAW.csv")
+        if study.entry.noun == "law":
+            print("\nits graph comes from a file: give it with --file LAW.csv")
         return
     _print_examples(study.examples)
     if study.unit_bound:
@@ -178,23 +199,23 @@ def _drawn(curve: Superpotential | MixedMode | ModeDependentGlue | OwnCoupledLaw
     return plot_law(curve, reach=reach)
 
 
-def _print_entry(entry: LawEntry) -> None:
+def _print_entry(entry: LawEntry, of: str = "") -> None:
     """Print a law or a material with its parameters, as a problem file writes it."""
     from hemivar.basics.stated import Form
 
     samples = {Form.LIST: "[...]", Form.FILE: '"law.csv"', Form.TEXT: '"..."'}
     required = "".join(f", {p.key} = {samples.get(p.stated.form, '...')}" for p in entry.parameters if p.required)
-    print(f"\n  {entry.name}: {entry.summary}")
+    print(f"\n  {entry.name}{of}: {entry.summary}")
     if entry.formula:
         print(f"      {entry.formula}")
-    print(f'      {entry.kind} = {{ law = "{entry.name}"{required} }}')
+    table = f'{{ {entry.key} = "{entry.name}"{required} }}'
+    print(f"      {entry.kind} = {f'[{table}]' if entry.noun == 'memory' else table}")
     for p in entry.parameters:
         stated = p.stated
         value = f'"{p.default}"' if isinstance(p.default, str) else f"{p.default:g}" if p.default is not None else ""
         default = f", default {value}" if value else "" if p.required else ", may be left out"
-        lowest = (
-            ", positive" if stated.above is not None else "" if stated.least is None else f", at least {stated.least:g}"
-        )
+        lowest = ", positive" if stated.above == 0.0 else "" if stated.above is None else f", above {stated.above:g}"
+        lowest = lowest if stated.least is None else f", at least {stated.least:g}"
         unit = f" [{stated.unit}]" if stated.unit else ""
         form = "a list, " if stated.form is Form.LIST else ""
         print(f"      {p.key:<11} {form}{stated.says}{unit}{lowest}{default}")
@@ -202,13 +223,17 @@ def _print_entry(entry: LawEntry) -> None:
 
 def _list_materials() -> None:
     """Print all materials with their constants."""
+    from hemivar.laws.registry import LawKind
     from hemivar.mechanics.material_registry import MATERIAL_LAWS
+    from hemivar.mechanics.stored_energy import StoredEnergy
 
     print("linear materials")
     print("\n  material = { lame = [lambda, mu] }, { young = ..., poisson = ... } or { tensor = [[...], ...] }")
     print("\nnonlinear materials")
     for entry in MATERIAL_LAWS.values():
         _print_entry(entry)
-    print("\nEvery number but reach is a number or, in quotes, a formula of x and y (and z).  All take density,")
+    print()
+    _list_installed("materials", {LawKind.MATERIAL: (StoredEnergy,)})
+    print("Every number but reach is a number or, in quotes, a formula of x and y (and z).  All take density,")
     print("viscosity and branches as linear materials do, and go into [material] or [material.regions.NAME].")
     print("'hemivar materials NAME' shows a material with its bounds, with --plot FILE its graph.")

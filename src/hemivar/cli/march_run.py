@@ -55,7 +55,7 @@ class MarchOptions:
     def check(self) -> None:
         """Refuse options that make no sense, whatever the file says."""
         from hemivar.evolution.jumps import SelectionRule
-        from hemivar.evolution.schemes import SCHEMES
+        from hemivar.evolution.schemes.by_name import SCHEMES
 
         check_limits(self.rtol, self.max_time)
         for name, value in (("--step", self.step), ("--adaptive", self.adaptive), ("--every", self.every)):
@@ -81,7 +81,7 @@ class MarchOptions:
     ) -> March:
         """How the evolution of a file is computed with these options."""
         from hemivar.evolution import AdaptiveStep, Checkpoint
-        from hemivar.evolution.schemes import SCHEMES
+        from hemivar.evolution.schemes.by_name import SCHEMES
         from hemivar.workflows.marching import plan_of
 
         if checkpoint is None and self.minutes is not None:

@@ -19,12 +19,10 @@ from hemivar.cli.session import Session, naming_file
 from hemivar.errors import FileError, HemivarError, ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.basics.types import Array, Record
     from hemivar.files.changes import Change
     from hemivar.identification import FitOptions
-    from hemivar.identification.fit import Fit, Parameter
+    from hemivar.identification.fit import Parameter
     from hemivar.workflows import Study
-    from hemivar.workflows.study import StudyLevel
     from hemivar.workflows.sweep import SweepAxis
 
 __all__ = ["IdentifyCommand", "StudyCommand", "SweepCommand"]
@@ -94,7 +92,7 @@ class StudyCommand(OnProblem):
         files: Files = {
             "--csv": study_table(study, units=stated.units).write_csv,
             "--latex": study_table(study, stated.problem.title, units=stated.units).write_latex,
-            "--json": _record(study, stated.name),
+            "--json": {"problem": stated.name, **study.record()},
             **({"--plot": draw} if study.quantities else {}),
         }
         done = f"{len(study.levels)} of {self.refine + 1} meshes are done"
@@ -127,44 +125,6 @@ def _print_bounds(study: Study) -> None:
     print("guaranteed bound  none on the finest mesh")
     for reason in level.unbounded:
         print(f"                  because {reason}")
-
-
-def _bound_record(level: StudyLevel) -> Record:
-    """The bound as plain numbers and strings; nothing where none was asked for."""
-    if math.isnan(level.bound):
-        return {}
-    if level.conditions:
-        return {"conditional_bound": level.bound, "conditions": list(level.conditions)}
-    return {"guaranteed_bound": level.bound if math.isfinite(level.bound) else None}
-
-
-def _record(study: Study, name: str) -> Record:
-    """A study as plain numbers and lists."""
-
-    def plain(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
-
-    levels = [
-        {
-            "h": level.size,
-            "unknowns": level.solution.problem.unknowns,
-            "status": level.solution.status.value,
-            "errors": {quantity: plain(getattr(level, quantity)) for quantity in study.quantities},
-            "orders": {quantity: plain(study.steps(quantity)[number]) for quantity in study.quantities},
-            **_bound_record(level),
-            "energy": plain(level.solution.energy),
-            "normal_force": plain(level.solution.normal_force) if level.solution.problem.contact_points else None,
-        }
-        for number, level in enumerate(study.levels)
-    ]
-    return {
-        "problem": name,
-        "reference": study.reference,
-        "norms": {quantity: plain(study.norms[quantity]) for quantity in study.quantities},
-        "orders": {quantity: plain(study.orders[quantity]) for quantity in study.quantities},
-        "interrupted": study.interrupted,
-        "meshes": levels,
-    }
 
 
 class SweepCommand(OnProblem):
@@ -328,8 +288,9 @@ class IdentifyCommand(OnProblem):
 
     def work(self) -> Done:
         from hemivar.files.changes import read_change
-        from hemivar.identification.identification_figure import fit_table, plot_fit
+        from hemivar.identification.identification_figure import plot_fit
         from hemivar.identification.identifying import identifying, parameters_of_law
+        from hemivar.report.tables import Table
 
         changes, wanted, session = [read_change(text) for text in self.given or ()], self.ranges, self.session
         code = self.allow_code or ()
@@ -346,16 +307,16 @@ class IdentifyCommand(OnProblem):
             self.problem, self.data, wanted, self.options, changes=changes, controls=session.controls, code=code
         )
         fit = watched(work)
-        print_table(console(), fit_table(fit), keys=1)
+        print_table(console(), Table.of(fit.rows()), keys=1)
         print(f"misfit            {fit.misfit:.2%} of the largest measured value, {fit.measurements.count} rows")
         estimated = " (estimated)" if self.noise is None else ""
         print(f"intervals         {fit.confidence:.0%}, noise {fit.noise:.2%}{estimated}")
         for message in fit.messages:
             print(f"note              {message}")
         files: Files = {
-            "--csv": fit_table(fit).write_csv,
-            "--latex": fit_table(fit, session.stated.problem.title).write_latex,
-            "--json": _fit_record(fit),
+            "--csv": Table.of(fit.rows()).write_csv,
+            "--latex": Table.of(fit.rows(), session.stated.problem.title).write_latex,
+            "--json": fit.record(),
             "--plot": partial(plot_fit, fit, title=session.title),
         }
         return Done(files, all(fit.identified))
@@ -368,34 +329,3 @@ def _read(text: str) -> Parameter:
     if match is None:
         raise ProblemError(f"--fit {text}: give KEY=LOW:HIGH, as in contact.bottom.normal.strength=0.5:5")
     return Parameter(match["key"], float(match["low"]), float(match["high"]))
-
-
-def _fit_record(fit: Fit) -> dict[str, object]:
-    """All numbers of a fit, null where one is infinite or not known."""
-
-    def numbers(values: Array) -> object:
-        return _plain(values.tolist())
-
-    return {
-        "parameters": {
-            parameter.key: {
-                "value": float(fit.values[k]), "interval": numbers(fit.intervals[k]),
-                "standard_error": numbers(fit.standard_errors[k]), "certified": numbers(fit.certified[k]),
-                "identified": fit.identified[k], "range": [parameter.low, parameter.high],
-            }
-            for k, parameter in enumerate(fit.parameters)
-        },
-        "confidence": fit.confidence, "noise": fit.noise, "misfit": fit.misfit,
-        "singular_values": numbers(fit.singular_values), "directions": numbers(fit.directions),
-        "inputs": {key: numbers(values) for key, values in fit.measurements.inputs.items()},
-        "measured": {key: numbers(values) for key, values in fit.measurements.measured.items()},
-        "predicted": dict(zip(fit.measurements.measured, map(numbers, fit.predicted.T), strict=True)),
-        "messages": list(fit.messages),
-    }  # fmt: skip
-
-
-def _plain(value: object) -> object:
-    """Lists of numbers, null where one is not finite."""
-    if isinstance(value, list):
-        return [_plain(entry) for entry in value]
-    return value if isinstance(value, float) and math.isfinite(value) else None

@@ -18,7 +18,8 @@ from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import Event
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.save import Save
-from hemivar.evolution.schemes import SCHEMES, ImplicitEuler, Scheme
+from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.evolution.schemes.by_name import SCHEME_ENTRIES, SCHEMES
 from hemivar.evolution.steps import FixedStep, StepSizeController
 from hemivar.solvers import Controls, Solver
 from hemivar.solvers.methods import as_method
@@ -26,6 +27,11 @@ from hemivar.solvers.methods import as_method
 __all__ = ["March", "refuse_plan"]
 
 _SCHEMES = ", ".join(f'`"{name}"`{"" if one.takes_mass else " (without inertia)"}' for name, one in SCHEMES.items())
+_WITH_PARAMETERS = ", ".join(
+    f'`{{ name = "{name}", {", ".join(f"{key} = {value}".lower() for key, value in entry.example.items())} }}`'
+    for name, entry in SCHEME_ENTRIES.items()
+    if entry.example
+)
 
 
 @known_fields
@@ -74,9 +80,7 @@ class March:
         default_factory=ImplicitEuler,
         metadata=stated(
             Form.OWN,
-            f'{_SCHEMES}; with parameters `{{ name = "generalized-alpha", rho = 0.8 }}`, '
-            '`{ name = "newmark", beta = 0.25, gamma = 0.5 }`, '
-            '`{ name = "moreau-jean", restitution = 0.5, theta = 0.5 }`, `{ name = "midpoint", conserving = true }`',
+            f"{_SCHEMES}; with parameters {_WITH_PARAMETERS}",
             left_out=f'`"{ImplicitEuler.name}"`',
         ),
     )

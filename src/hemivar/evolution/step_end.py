@@ -17,7 +17,7 @@ from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
 from hemivar.evolution.jumps import DissipatedJump
-from hemivar.evolution.schemes import StageRule
+from hemivar.evolution.schemes.scheme import StageRule
 from hemivar.evolution.stage import Stage, StageState, momentum, stiffness_force
 from hemivar.evolution.state import ContactForce, EnergyBalance, Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.step_laws import BoundaryLaw, StepLaw, places

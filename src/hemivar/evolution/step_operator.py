@@ -10,7 +10,7 @@ from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.last_used import Recent
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import KEPT, DiscreteEvolution, StepMatrices
-from hemivar.evolution.schemes import RateFormula, Scheme, StageRule
+from hemivar.evolution.schemes.scheme import RateFormula, Scheme, StageRule
 from hemivar.evolution.step_laws import StageLaws
 from hemivar.solvers.newton_on_graph import NewtonCache
 

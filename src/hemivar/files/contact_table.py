@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,21 +19,15 @@ from hemivar.files.schema import check_named, decode, encode, encode_arguments, 
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.formula import Formula
 from hemivar.formula.formula import ScalarFormula
-from hemivar.laws import (
-    CoulombBound,
-    Friction,
-    NoFriction,
-    PenetrationBound,
-    Superpotential,
-    VectorLaw,
-    memory,
-)
+from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential, VectorLaw
 from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.memory import Memory
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
 from hemivar.laws.parameters import FRICTION
 from hemivar.laws.registry import (
     COUPLED_LAWS,
     FRICTION_LAWS,
+    MEMORIES,
     NORMAL_LAWS,
     LawEntry,
     LawKind,
@@ -48,7 +40,7 @@ from hemivar.mechanics.scalar import ScalarContact
 from hemivar.mechanics.statement import AREA, ContactProblem
 from hemivar.mesh import Mesh
 
-__all__ = ["SideFiles", "contact_records", "memory_kinds", "read_contacts"]
+__all__ = ["SideFiles", "contact_records", "read_contacts"]
 
 _OBSTACLES: Mapping[str, type[Plane | Sphere | Cylinder]] = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
 
@@ -381,35 +373,22 @@ def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:
 # ---- memory -------------------------------------------------------------------------------------------------------
 
 
-def memory_kinds() -> Mapping[str, Any]:
-    """The memories that a problem file can state, by name: those whose fields are all parameters."""
-    named: list[Any] = [getattr(memory, name) for name in memory.__all__]
-    kinds = [cls for cls in named if inspect.isclass(cls) and issubclass(cls, memory.Memory) and is_dataclass(cls)]
-    return {cls.name: cls for cls in kinds if all("stated" in field.metadata for field in fields(cls))}
-
-
-def _memory_named(name: str, kinds: Mapping[str, type[memory.Memory]]) -> LawEntry:
-    return LawEntry(LawKind.MEMORY, name, kinds[name], "", "")
-
-
-def _memory_entry(
-    given: TomlTable, name: str, kinds: Mapping[str, type[memory.Memory]], code: Sequence[str]
-) -> LawEntry:
+def _memory_entry(given: TomlTable, name: str, code: Sequence[str]) -> LawEntry:
     """What a table names, of the library or of the user."""
-    if name in kinds:
-        return _memory_named(name, kinds)
+    if name in MEMORIES:
+        return MEMORIES[name]
     with context(f"{given.where('kind')}:"):
-        entry = entry_named(name, LawKind.MEMORY, (memory.Memory,), code)
+        entry = entry_named(name, LawKind.MEMORY, (Memory,), code)
     if entry is None:
-        raise given.error("kind", f"'{name}' is not known{suggest(name, list(kinds))}")
+        raise given.error("kind", f"'{name}' is not known{suggest(name, list(MEMORIES))}")
     return entry
 
 
-def _read_memory(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[memory.Memory, ...] | None:
+def _read_memory(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[Memory, ...] | None:
     """The memories of a contact, in the order in which they are stated; None where nothing is said of them."""
     if "memory" not in table:
         return None
-    kinds, value = memory_kinds(), table.data["memory"]
+    value = table.data["memory"]
     example = 'memory = [{ kind = "secant" }]'
     if not isinstance(value, list):
         raise table.error("memory", f"must be a list such as {example}, not {kind(value)}")
@@ -419,12 +398,12 @@ def _read_memory(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[memor
             raise table.error("memory", f"must be a list of tables such as {example}; it holds {kind(item)}")
         given = TomlTable(item, table.source, table.name, None, f"{table.prefix}memory[{number}].")
         if "kind" not in given:
-            raise given.error("kind", f"is missing; add kind = one of {listed(list(kinds))}")
-        entry = _memory_entry(given, given.text("kind"), kinds, code)
+            raise given.error("kind", f"is missing; add kind = one of {listed(list(MEMORIES))}")
+        entry = _memory_entry(given, given.text("kind"), code)
         given.only(("kind", *(part.key for part in entry.parameters)))
         parameters = read_arguments(entry, given, dim)
         with context(f"{table.where('memory')}:"):
-            remembered = cast(memory.Memory, entry.build(**parameters))
+            remembered = cast(Memory, entry.build(**parameters))
             if not any(callable(value) for value in parameters.values()):
                 remembered.at(None)
             made.append(remembered)
@@ -433,12 +412,12 @@ def _read_memory(table: TomlTable, dim: int, code: Sequence[str]) -> tuple[memor
 
 def _memory_record(memories: Sequence[Any], where: str) -> list[object]:
     """The list of a contact's memories."""
-    kinds, record = memory_kinds(), list[object]()
+    record = list[object]()
     for number, stated in enumerate(memories):
         entry, here = entry_of(type(stated), LawKind.MEMORY), f"{where}[{number}]"
-        if entry is None and kinds.get(getattr(stated, "name", "")) is type(stated):
-            entry = _memory_named(stated.name, kinds)
+        own = MEMORIES.get(getattr(stated, "name", ""))
+        entry = own if own is not None and own.build is type(stated) else entry
         if entry is None:
-            raise not_expressible(here, stated, f"memories of the kinds {', '.join(kinds)}, and classes of a module")
+            raise not_expressible(here, stated, f"memories of the kinds {', '.join(MEMORIES)}, and classes of a module")
         record.append({"kind": entry.name} | encode_arguments(entry, stated, here))
     return record

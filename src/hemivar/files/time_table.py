@@ -12,7 +12,8 @@ from hemivar.evolution.control import DISSIPATION, Control
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import Save
-from hemivar.evolution.schemes import SCHEMES, Scheme
+from hemivar.evolution.schemes import Scheme
+from hemivar.evolution.schemes.by_name import SCHEMES
 from hemivar.evolution.steps import AdaptiveStep, FixedStep, StepSizeController
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record

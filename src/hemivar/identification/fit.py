@@ -17,7 +17,8 @@ from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.defined_above import above
 from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array
+from hemivar.basics.rows import Column, Rows, plain
+from hemivar.basics.types import Array, Record
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.identification.experiment import Experiment
 from hemivar.identification.measurements import Measurements
@@ -212,6 +213,42 @@ class Fit(PickleMixin):
     def identified(self) -> tuple[bool, ...]:
         """Of each parameter, whether the curve tells its size: a standard error of at most half of it."""
         return tuple((self.standard_errors <= _KNOWN * np.abs(self.values)).tolist())
+
+    def rows(self) -> Rows:
+        """A row for each parameter: value, interval, standard error, and whether the curve tells it."""
+        low, high = np.where(np.isfinite(self.intervals), self.intervals, np.nan).T
+        columns = (
+            Column("parameter", [one.key for one in self.parameters]),
+            Column("value", self.values, "value"),
+            Column("low", low),
+            Column("high", high),
+            Column(None, self.intervals, "interval"),
+            Column(
+                "standard error",
+                np.where(np.isfinite(self.standard_errors), self.standard_errors, np.nan),
+                "standard_error",
+            ),
+            Column(None, self.certified, "certified"),
+            Column("identified", self.identified, "identified", cell=lambda sure: "yes" if sure else "no"),
+            Column(None, [(one.low, one.high) for one in self.parameters], "range"),
+        )
+        return Rows(columns)
+
+    def record(self) -> Record:
+        """Plain numbers, lists and strings for JSON; what is infinite or not known is null."""
+        data = self.measurements
+        return {
+            "parameters": dict(zip([one.key for one in self.parameters], self.rows(), strict=True)),
+            "confidence": self.confidence,
+            "noise": self.noise,
+            "misfit": self.misfit,
+            "singular_values": plain(self.singular_values),
+            "directions": plain(self.directions),
+            "inputs": {key: plain(values) for key, values in data.inputs.items()},
+            "measured": {key: plain(values) for key, values in data.measured.items()},
+            "predicted": dict(zip(data.measured, map(plain, self.predicted.T), strict=True)),
+            "messages": list(self.messages),
+        }
 
     def value(self, key: str) -> float:
         """A parameter by its key, or by the last part of it."""

@@ -12,13 +12,12 @@ from hemivar.identification.fit import Fit
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 from hemivar.report.summary import Summary
-from hemivar.report.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["fit_summary", "fit_table", "plot_fit"]
+__all__ = ["fit_summary", "plot_fit"]
 
 
 def fit_summary(fit: Fit) -> Summary:
@@ -31,22 +30,6 @@ def fit_summary(fit: Fit) -> Summary:
     rows += [("misfit", f"{fit.misfit:.2%}"), ("intervals", f"{fit.confidence:.0%}, noise {fit.noise:.2%}")]
     rows += [("note", text) for text in fit.messages]
     return Summary(tuple(rows))
-
-
-def fit_table(fit: Fit, title: str = "") -> Table:
-    """One line for each parameter: value, interval, standard error, and whether the curve tells it."""
-    columns = ("parameter", "value", "low", "high", "standard error", "identified")
-    rows = []
-    for i, parameter in enumerate(fit.parameters):
-        low, high = (float(end) if np.isfinite(end) else None for end in fit.intervals[i])
-        error = float(fit.standard_errors[i])
-        rows.append(
-            (
-                parameter.key, float(fit.values[i]), low, high, error if np.isfinite(error) else None,
-                "yes" if fit.identified[i] else "no",
-            )
-        )  # fmt: skip
-    return Table(columns, tuple(rows), title)
 
 
 def plot_fit(fit: Fit, *, title: str | None = None) -> Figure:

@@ -1,4 +1,4 @@
-"""Laws by name: what a law says of itself for problem files, lists and pages, beside its class.
+"""Laws, memories, materials and schemes by name: what each says of itself for files, lists and pages, beside its class.
 
 The registry finds the laws of a package by what :func:`named` leaves on them, so that no list names them.
 """
@@ -22,23 +22,24 @@ Build = TypeVar("Build", bound=Callable[..., object])
 
 
 class LawKind(StrEnum):
-    """Which part of the contact law an entry describes, or that it is a material."""
+    """Which part of the contact law an entry describes, or that it is a material or a scheme."""
 
     NORMAL = "normal"
     FRICTION = "friction"
     MEMORY = "memory"
     MATERIAL = "material"
+    SCHEME = "scheme"
 
 
 @dataclass(frozen=True)
 class LawEntry:
-    """A law or a material as it is known by name."""
+    """A law, a memory, a material or a scheme as it is known by name."""
 
     kind: LawKind
     name: str
     build: Callable[..., object]  # makes it from its parameters, which it states
-    summary: str  # what the foundation or the material does
-    formula: str  # j; of a material the stress or the stored energy
+    summary: str  # what the foundation or the material does; what a scheme is for
+    formula: str  # j; of a material the stress or the stored energy; of a scheme its order and its step
 
     @property
     def parameters(self) -> tuple[Argument, ...]:
@@ -48,12 +49,12 @@ class LawEntry:
     @property
     def noun(self) -> str:
         """What messages call it."""
-        return "material" if self.kind is LawKind.MATERIAL else "law"
+        return "law" if self.kind in (LawKind.NORMAL, LawKind.FRICTION) else self.kind.value
 
     @property
     def key(self) -> str:
         """The key of its name in files."""
-        return "kind" if self.kind is LawKind.MEMORY else "law"
+        return {LawKind.MEMORY: "kind", LawKind.SCHEME: "name"}.get(self.kind, "law")
 
     @property
     def required(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ classes of the user's, see :mod:`hemivar.basics.user_code`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from inspect import Parameter as Taken
@@ -15,17 +15,17 @@ from typing import cast
 
 from hemivar.basics.arguments import shortened
 from hemivar.basics.stated import Form, Stated, stated
-from hemivar.basics.user_code import class_named, name_of_class, of_user
+from hemivar.basics.user_code import class_named, installed, name_of_class, of_user
 from hemivar.errors import HemivarError, ProblemError
-from hemivar.laws import coupled, friction, normal, own
+from hemivar.laws import coupled, friction, memory, normal, own
 from hemivar.laws.friction import Friction
 from hemivar.laws.named import LawEntry, LawKind, named_in
 from hemivar.laws.parameters import FRICTION
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
-    "COUPLED_LAWS", "FRICTION_LAWS", "NORMAL_LAWS", "LawEntry", "LawKind", "entry_named", "entry_of", "friction_law",
-    "normal_law",
+    "COUPLED_LAWS", "FRICTION_LAWS", "MEMORIES", "NORMAL_LAWS", "LawEntry", "LawKind", "entry_named", "entry_of",
+    "friction_law", "installed_laws", "normal_law",
 ]  # fmt: skip
 
 #: Normal laws by name.
@@ -34,6 +34,8 @@ NORMAL_LAWS = named_in(LawKind.NORMAL, normal, own)
 COUPLED_LAWS = named_in(LawKind.NORMAL, coupled)
 #: Friction laws by name.
 FRICTION_LAWS = named_in(LawKind.FRICTION, friction)
+#: What contact points remember in time, by name.
+MEMORIES = named_in(LawKind.MEMORY, memory)
 
 
 def normal_law(name: str, **values: object) -> Superpotential:
@@ -73,6 +75,24 @@ def entry_named(name: str, kind: LawKind, bases: tuple[type, ...], code: Sequenc
         missing = ", ".join(sorted(found.__abstractmethods__))  # type: ignore[attr-defined]
         raise ProblemError(f"'{name}' is abstract and cannot be made; supply {missing}, or name a class that does")
     return _entry(found, kind, name)
+
+
+def installed_laws(bases: Mapping[LawKind, tuple[type, ...]]) -> Iterator[tuple[str, LawEntry | str]]:
+    """The classes of installed packages with one of these bases: package, and the law or why there is none."""
+    for name, package in installed().items():
+        if name in NORMAL_LAWS or name in COUPLED_LAWS or name in FRICTION_LAWS or name in MEMORIES:
+            continue  # the library's own names come first
+        try:
+            found = class_named(name, ())
+            assert found is not None
+            says = vars(found).get("__entry__")
+            kinds = [kind for kind in bases if set(bases[kind]) & set(found.__mro__)] if says is None else [says.kind]
+            for kind in kinds[:1]:
+                entry = entry_named(name, kind, bases[kind]) if kind in bases else None
+                if entry is not None:
+                    yield package, entry
+        except ProblemError as error:
+            yield package, f"{name}: {error}"
 
 
 def entry_of(kind: type, of: LawKind) -> LawEntry | None:

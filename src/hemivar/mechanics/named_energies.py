@@ -8,6 +8,7 @@ import numpy as np
 
 from hemivar.basics.known_keywords import known_fields
 from hemivar.basics.types import Array
+from hemivar.laws.named import LawKind, named
 from hemivar.mechanics.material_words import MEASURE, PLANE_OF_ENERGY, BoundsBy, PlaneState, StrainMeasure
 from hemivar.mechanics.moduli import Number
 from hemivar.mechanics.per_volume import constant
@@ -28,6 +29,12 @@ class NamedEnergy(MaterialOfConstants, InvariantEnergy):
         return BoundsBy.CLOSED_FORM
 
 
+@named(
+    LawKind.MATERIAL,
+    "hencky",
+    "elastic in volume, with a shear modulus that softens as the strain grows (deformation theory)",
+    "sigma = bulk tr(eps) I + 2 shear (q + (1 - q)/sqrt(1 + |dev eps|^2/strain^2)) dev eps, q = softened",
+)
 @known_fields
 @dataclass(frozen=True, eq=False)
 class Hencky(NamedEnergy):
@@ -62,6 +69,12 @@ class Hencky(NamedEnergy):
         return IsotropicBounds(bulk, softened * shear, bulk, shear)
 
 
+@named(
+    LawKind.MATERIAL,
+    "ramberg-osgood",
+    "metal in the deformation theory of plasticity, with von Mises' stress",
+    "a bar stretches by sigma/young + offset (sigma/young) (sigma/yield_stress)^(exponent - 1)",
+)
 @known_fields
 @dataclass(frozen=True, eq=False)
 class RambergOsgood(NamedEnergy):
@@ -154,6 +167,12 @@ class _RambergOsgoodCurve:
         return value, self.unit / (a + more), self.unit / (a + n * more)
 
 
+@named(
+    LawKind.MATERIAL,
+    "locking",
+    "elastic with projection on a convex set of strains, beyond which it stiffens",
+    "sigma = C eps + stiffening (eps - P eps), P the projection on |dev eps| <= strain",
+)
 @known_fields
 @dataclass(frozen=True, eq=False)
 class Locking(NamedEnergy):

@@ -17,6 +17,7 @@ from hemivar.formula.curvature import enclosed_range
 from hemivar.formula.graph import Graph
 from hemivar.formula.poles import pole_in_box, pole_words
 from hemivar.formula.reader import Reader, shown
+from hemivar.laws.named import LawKind, named
 from hemivar.mechanics.energy_bounds import (
     FoundRange,
     component_derivatives,
@@ -50,6 +51,12 @@ _TEXT = stated(
 )
 
 
+@named(
+    LawKind.MATERIAL,
+    "potential",
+    "stored energy as a formula of tr and dev2 = |dev eps|^2, or of exx, eyy, ezz, eyz, exz, exy",
+    "W(eps) = energy",
+)
 @stating(energy=_TEXT, reach=REACH, plane=PLANE_OF_ENERGY)  # type: ignore[arg-type]
 def own_energy(
     energy: object,

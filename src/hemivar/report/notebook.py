@@ -463,21 +463,9 @@ def _path_record(path: Path) -> Record:
     }
 
 
-def _solutions_record(solutions: SolutionSet) -> Record:
-    return {
-        "kind": [None if one.kind is None else one.kind.value for one in solutions],
-        "energy": [one.energy for one in solutions],
-        "max_penetration": [float(one.penetration.max(initial=-np.inf)) for one in solutions],
-        "normal_force": [one.normal_force for one in solutions],
-        "contact": [one.contact_length for one in solutions],
-        "status": [one.status.value for one in solutions],
-        "residual": [one.residual.relative for one in solutions],
-    }
-
-
 _RECORDS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
     Path: (_path_record, "path.load_factor, path.energy, path.normal_force"),
-    SolutionSet: (_solutions_record, "solutions.energies"),
+    SolutionSet: (lambda found: found.rows().by_name(), "solutions.energies"),
     Study: (lambda study: study_table(study).record(), "hemivar.report.study_table(study)"),
     Sweep: (lambda sweep: sweep_table(sweep).record(), "hemivar.report.sweep_table(sweep)"),
     AdaptiveSolution: (lambda adaptive: adaptive_table(adaptive).record(), "found.rows()"),

@@ -18,6 +18,7 @@ from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
+from hemivar.basics.rows import Rows
 from hemivar.basics.types import Record
 from hemivar.basics.units import Units
 from hemivar.bounds import AdaptiveSolution
@@ -78,6 +79,15 @@ class Table:
                     f"row {number} of table '{self.title}' has {len(row)} entries for {len(self.columns)} columns; "
                     "give one each"
                 )
+
+    @classmethod
+    def of(cls, rows: Rows, title: str = "", *, units: Units | None = None, brief: bool = False) -> Table:
+        """The table of the rows of a result, whole or brief, with the units in its headings."""
+        units, kept = Units() if units is None else units, []
+        for column in rows.columns:
+            head = column.brief if brief and column.brief is not ... else column.head
+            kept += [] if head is None else [(units.head(head, column.unit), rows.cells(column))]
+        return cls(tuple(head for head, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True)), title)
 
     def write_csv(self, path: str | Path) -> Path:
         """Write the table with full precision; returns the path.
@@ -347,40 +357,7 @@ def study_table(
     -------
     Table
     """
-    names = study.quantities
-    units = Units() if units is None else units
-    columns = [units.head("h", "length"), "unknowns"]
-    for name in names:
-        columns += [name, "order"] if brief else [f"{name} error", f"{name} order"]
-    bounds = study.bounds
-    certified = bool((~np.isnan(bounds)).any())
-    columns += [study.kind_of_bound] * certified
-    columns += (
-        ["status"] * (not study.converged)
-        if brief
-        else [
-            units.head("energy", "energy"),
-            units.head("normal force", "force"),
-            "status",
-        ]
-    )
-    errors = {name: study.relative(name) if relative else study.errors(name) for name in names}
-    steps = {name: study.steps(name) for name in names}
-    size = study.norms["energy"] if relative else 1.0
-    rows = []
-    for number, level in enumerate(study.levels):
-        solution = level.solution
-        row: list[object] = [level.size, solution.problem.unknowns]
-        for name in names:
-            error, order = float(errors[name][number]), float(steps[name][number])
-            row += [None if math.isnan(error) else error, None if math.isnan(order) else round(order, 2)]
-        if certified:
-            bound = float(bounds[number] / size)
-            row.append(bound if math.isfinite(bound) else None)
-        force = float(solution.normal_force) if solution.problem.contact_points else None
-        last: list[object] = [float(solution.energy), force, solution.status.value]
-        rows.append((*row, *(last[2:] * (not study.converged) if brief else last)))
-    return Table(tuple(columns), tuple(rows), title)
+    return Table.of(study.rows(relative=relative), title, units=units, brief=brief)
 
 
 def sweep_table(sweep: Sweep, title: str = "", *, units: Units | None = None) -> Table:
@@ -399,18 +376,4 @@ def sweep_table(sweep: Sweep, title: str = "", *, units: Units | None = None) ->
     -------
     Table
     """
-    units = Units() if units is None else units
-    columns = (
-        *(axis.key for axis in sweep.axes), "solutions", "minima", "others", "margin", units.head("energy", "energy"),
-        units.head("penetration", "length"), units.head("force", "force"), "note",
-    )  # fmt: skip
-    rows = []
-    for point in sweep.points:
-        values = (one if isinstance(one, int | float | str) else str(one) for one in sweep.values(point))
-        lowest = (point.energies[0], point.penetrations[0], point.forces[0]) if point.energies else (None, None, None)
-        others = None if point.failed else "no" if point.exhaustive else "perhaps"
-        margin = None if math.isnan(point.margin) else point.margin
-        counts = (None, None) if point.failed else (point.count, point.minima)
-        rows.append((*values, *counts, others, margin, *lowest, point.note if point.failed else ""))
-    kept = [k for k, name in enumerate(columns) if name != "note" or any(row[k] for row in rows)]
-    return Table(tuple(columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), title)
+    return Table.of(sweep.rows(), title, units=units)

@@ -8,8 +8,10 @@ from dataclasses import asdict, dataclass
 
 from hemivar.basics.stated import Argument
 from hemivar.basics.units import Units
+from hemivar.evolution.schemes.by_name import SCHEME_ENTRIES
 from hemivar.laws.parameters import LENGTH, LINE, PRESSURE, RATE
-from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawKind, entry_named
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, MEMORIES, NORMAL_LAWS, LawKind, entry_named
+from hemivar.mechanics.material_registry import MATERIAL_LAWS
 from hemivar.studio.toml_numbers import TextNumber
 
 __all__ = ["Slider", "key_of_message", "sliders_of"]
@@ -36,6 +38,12 @@ _UNITS = {
     PRESSURE: ("stress",), RATE: ("stress", "length"), LENGTH: ("length",), LINE: ("force", "length"),
     "time": ("time",),
 }  # fmt: skip
+#: What stands under a name in each table, and the key of the name where it is not "law".
+_ENTRIES = {
+    LawKind.NORMAL: {**NORMAL_LAWS, **COUPLED_LAWS}, LawKind.FRICTION: FRICTION_LAWS, LawKind.MEMORY: MEMORIES,
+    LawKind.MATERIAL: MATERIAL_LAWS, LawKind.SCHEME: SCHEME_ENTRIES,
+}  # fmt: skip
+_KEYS = {LawKind.MEMORY: "kind", LawKind.SCHEME: "name"}
 
 
 @dataclass(frozen=True)
@@ -110,18 +118,29 @@ def _unit(number: TextNumber, parameter: Argument | None, units: Units) -> str:
 
 
 def _parameter(data: Mapping[str, object], number: TextNumber, code: Sequence[str]) -> Argument | None:
-    """The parameter of a law that a number is."""
-    path = number.path
-    if path[0] != "contact" or len(path) < 4 or path[2] not in ("normal", "friction"):
-        return None
-    law: object = data
-    for step in path[:3]:
-        law = law.get(str(step)) if isinstance(law, Mapping) else None
-    name = law.get("law") if isinstance(law, Mapping) else None
-    entry = ({**NORMAL_LAWS, **COUPLED_LAWS} if path[2] == "normal" else FRICTION_LAWS).get(str(name))
+    """The parameter of a law, a memory, a material or a scheme that a number is."""
+    match number.path:
+        case ("contact", _, "normal" | "friction" as part, _, *_):
+            depth, kind = 3, LawKind(part)
+        case ("contact", _, "memory", int(), _, *_):
+            depth, kind = 4, LawKind.MEMORY
+        case ("material", "regions", _, _, *_):
+            depth, kind = 3, LawKind.MATERIAL
+        case ("material", _, *_):
+            depth, kind = 1, LawKind.MATERIAL
+        case ("time", "scheme", _, *_):
+            depth, kind = 2, LawKind.SCHEME
+        case _:
+            return None
+    table: object = data
+    for step in number.path[:depth]:
+        inner = table.get(str(step)) if isinstance(table, Mapping) else None
+        table = table[int(step)] if isinstance(table, Sequence) else inner
+    name = table.get(_KEYS.get(kind, "law")) if isinstance(table, Mapping) else None
+    entry = _ENTRIES[kind].get(str(name))
     if entry is None and isinstance(name, str):  # of the user, and allowed: the file was read
-        entry = entry_named(name, LawKind(path[2]), (object,), code)
-    return None if entry is None else next((p for p in entry.parameters if p.key == path[3]), None)
+        entry = entry_named(name, kind, (object,), code)
+    return None if entry is None else next((p for p in entry.parameters if p.key == number.path[depth]), None)
 
 
 def _range(data: Mapping[str, object], number: TextNumber, parameter: Argument | None) -> tuple[float, float, bool]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
+from hemivar.basics.rows import Column, Rows
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
@@ -104,6 +105,23 @@ class Comparison:
     interrupted: bool
 
     __repr__ = brief
+
+    def rows(self) -> Rows:
+        """A row for each method: how it ended, time, steps, evaluations, residual, energy and difference."""
+        attempts, solutions = self.attempts, [one.solution for one in self.attempts]
+        energies = [None if one is None else one.energy for one in solutions]
+        columns = (
+            Column("method", [one.name for one in attempts], "method"),
+            Column("status", [one.status for one in attempts], "status"),
+            Column("time (s)", [one.seconds for one in attempts], "seconds"),
+            Column("steps", [None if one is None else one.steps for one in solutions], "steps"),
+            Column("evaluations", [None if one is None else one.evaluations for one in solutions], "evaluations"),
+            Column("residual", [None if one is None else one.residual.relative for one in solutions], "residual"),
+            Column("energy", energies, "energy", unit="energy", cell="{:.10g}".format),
+            Column("difference", [one.difference for one in attempts], "difference"),
+            Column(None, [one.note for one in attempts], "note"),
+        )
+        return Rows(columns)
 
 
 @expecting(options=CompareOptions)

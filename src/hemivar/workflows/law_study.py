@@ -12,7 +12,7 @@ from hemivar.basics.stated import Form, Stated
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Friction, MixedMode, ModeDependentGlue, OwnCoupledLaw, Superpotential
-from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, entry_named
+from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, MEMORIES, NORMAL_LAWS, LawEntry, LawKind, entry_named
 from hemivar.workflows.events import Notice, Work
 
 __all__ = ["LawStudy", "Value", "study_law", "values_shown"]
@@ -30,8 +30,8 @@ class LawStudy(Notice):
     entry : LawEntry
         Its line in the registry.
     curve : Superpotential, MixedMode, ModeDependentGlue, OwnCoupledLaw or None
-        The function j of one contact point, for friction of the size of the slip; None if the law is a file that was
-        not given.  ``curve.describe()`` has the constants, and says which of them are sampled.
+        The function j of one contact point, for friction of the size of the slip; None of a memory, and if the law
+        is a file that was not given.  ``curve.describe()`` has the constants, and says which of them are sampled.
     examples : mapping of name to value
         Parameters that were not given, with the values that show what the law does.
     unit_bound : bool
@@ -84,18 +84,19 @@ def study_law(
         No such law or parameter, or a value that the law does not take.
     """
     parameters = {} if parameters is None else parameters
-    entries = [laws[name] for laws in (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS) if name in laws]
+    entries = [laws[name] for laws in (NORMAL_LAWS, COUPLED_LAWS, FRICTION_LAWS, MEMORIES) if name in laws]
     if not entries:
         of = LawKind.FRICTION if friction else LawKind.NORMAL
         own = entry_named(name, of, (Superpotential,), code)
         entries = [] if own is None else [own]
     if not entries:
-        known = list(dict.fromkeys([*NORMAL_LAWS, *COUPLED_LAWS, *FRICTION_LAWS]))
+        known = list(dict.fromkeys([*NORMAL_LAWS, *COUPLED_LAWS, *FRICTION_LAWS, *MEMORIES]))
         raise ProblemError(f"law {quoted(name)} is not known{suggest(name, known)}")
     if friction:
         entries = [entry for entry in entries if entry.kind is LawKind.FRICTION]
         if not entries:
-            raise ProblemError(f"'{name}' is a normal law; there is no friction law of this name")
+            what = "memory" if name in MEMORIES else "normal law"
+            raise ProblemError(f"'{name}' is a {what}; there is no friction law of this name")
     elif first or parameters:
         entries = entries[:1]
     studies = []
@@ -108,7 +109,8 @@ def study_law(
 def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
     """The law with the values given and example values for the others."""
     values, examples = values_shown(entry, given, label)
-    if any(p.stated.form is Form.FILE and p.key not in values for p in entry.parameters):
+    missing = any(p.stated.form is Form.FILE and p.key not in values for p in entry.parameters)
+    if missing or entry.kind is LawKind.MEMORY:
         return LawStudy(entry, None)
     law = cast(Superpotential | Friction | MixedMode | ModeDependentGlue | OwnCoupledLaw, entry.make(**values)).at(None)
     if not isinstance(law, Friction):

@@ -22,7 +22,8 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.rows import Column, Rows, plain, two_decimals
+from hemivar.basics.types import Array, BoolArray, Record
 from hemivar.basics.user_code import checked_code
 from hemivar.bounds import exact_distance
 from hemivar.bounds.exact_certificate import statement_of
@@ -258,6 +259,54 @@ class Study(ReprMixin, PickleMixin):
         too small: it is left out.  nan with fewer than two meshes.
         """
         return {name: observed_order(self.sizes[self.trusted], self.errors(name)[self.trusted]) for name in QUANTITIES}
+
+    def rows(self, *, relative: bool = False) -> Rows:
+        """A row for each mesh: size, unknowns, errors, orders from the mesh before, bound, energy, force, status.
+
+        ``relative``: errors and the bound in tables over the norms of the reference.
+        """
+        levels, solutions = self.levels, [level.solution for level in self.levels]
+        status = [solution.status.value for solution in solutions]
+        columns = [
+            Column("h", self.sizes, "h", unit="length"),
+            Column("unknowns", [solution.problem.unknowns for solution in solutions], "unknowns"),
+            Column(None, status, "status"),
+            Column(None, [{} for _ in levels], "errors"),
+            Column(None, [{} for _ in levels], "orders"),
+        ]
+        for name in self.quantities:
+            errors = self.relative(name) if relative else self.errors(name)
+            columns.append(Column(f"{name} error", errors, name, "errors", brief=name))
+            columns.append(Column(f"{name} order", self.steps(name), name, "orders", brief="order", cell=two_decimals))
+        if not np.isnan(self.bounds).all():
+            size = self.norms["energy"] if relative else 1.0
+            columns.append(Column(self.kind_of_bound, np.where(np.isfinite(self.bounds), self.bounds, np.nan) / size))
+        guaranteed = [... if level.conditions or math.isnan(level.bound) else level.bound for level in levels]
+        columns += [
+            Column(None, [level.bound if level.conditions else ... for level in levels], "conditional_bound"),
+            Column(None, [level.conditions or ... for level in levels], "conditions"),
+            Column(None, guaranteed, "guaranteed_bound"),
+            Column("energy", [solution.energy for solution in solutions], "energy", brief=None, unit="energy"),
+            Column(
+                "normal force",
+                [float(one.normal_force) if one.problem.contact_points else None for one in solutions],
+                "normal_force",
+                brief=None,
+                unit="force",
+            ),
+            Column("status", status, brief=None if self.converged else ...),
+        ]
+        return Rows(tuple(columns))
+
+    def record(self) -> Record:
+        """Plain numbers, lists and strings for JSON; what is not finite is null."""
+        return {
+            "reference": self.reference,
+            "norms": {name: plain(self.norms[name]) for name in self.quantities},
+            "orders": {name: plain(self.orders[name]) for name in self.quantities},
+            "interrupted": self.interrupted,
+            "meshes": self.rows()[:],
+        }
 
     @property
     def trusted(self) -> BoolArray:

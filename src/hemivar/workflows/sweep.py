@@ -20,6 +20,7 @@ from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.processes import results
+from hemivar.basics.rows import Column, Rows
 from hemivar.basics.types import Array
 from hemivar.basics.user_code import checked_code
 from hemivar.branches import SolutionsOptions
@@ -229,11 +230,35 @@ class Sweep(ReprMixin):
         """The values of the parameters at a point."""
         return tuple(axis.values[i] for axis, i in zip(self.axes, point.place, strict=True))
 
+    def rows(self) -> Rows:
+        """A row for each point: parameters, numbers of solutions and of minimisers, margin, the lowest solution."""
+        points = self.points
+        values = [[one if isinstance(one, int | float | str) else str(one) for one in self.values(p)] for p in points]
+        columns = [Column(axis.key, [row[k] for row in values], axis.key) for k, axis in enumerate(self.axes)]
+        notes = [point.note if point.failed else "" for point in points]
+        others = [None if point.failed else "no" if point.exhaustive else "perhaps" for point in points]
+        columns += [
+            Column("solutions", [None if point.failed else point.count for point in points], "solutions"),
+            Column("minima", [None if point.failed else point.minima for point in points], "minima"),
+            Column("others", others, "others"),
+            Column("margin", [point.margin for point in points], "margin"),
+            Column("energy", [_lowest(point.energies) for point in points], "energy", unit="energy"),
+            Column("penetration", [_lowest(point.penetrations) for point in points], "penetration", unit="length"),
+            Column("force", [_lowest(point.forces) for point in points], "force", unit="force"),
+            Column("note" if any(notes) else None, notes, "note"),
+        ]
+        return Rows(tuple(columns))
+
     def _grid(self, number: Callable[[SweepPoint], float]) -> Array:
         grid = np.full(self.shape, np.nan)
         for point in self.points:
             grid[point.place] = number(point)
         return grid
+
+
+def _lowest(values: Sequence[float]) -> float | None:
+    """That of the solution of lowest energy, which stands first."""
+    return values[0] if values else None
 
 
 #: A problem for each choice of parameters: a file, or an importable function of their values.

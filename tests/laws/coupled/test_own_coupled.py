@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.coupled.plane_potential import PlanePotential
+from hemivar.laws.registry import COUPLED_LAWS
 from hemivar.laws.vector_law import is_convex
 from hemivar.laws.vector_testing import check_vector_law
 from tests.bodies import glued_plate, opened_point
@@ -44,6 +45,12 @@ LAWS = {
     "friction": cache(lambda: CoupledFormulaLaw("20*s + 5e3*max(r, 0)^2 + 2*max(r, 0)", reach=0.1)),
     "rubbing when open": cache(lambda: CoupledFormulaLaw("20*s*(1 + 30*r^2)", reach=0.1, rigid=True)),
     "bilinear": cache(lambda: CoupledFormulaLaw(f"{BILINEAR} + 5e3*max(r, 0)^2", reach=0.1)),
+}
+#: Laws by name, but for those that have files of their own.
+LAWS |= {
+    name: partial(entry.make, **entry.example)
+    for name, entry in COUPLED_LAWS.items()
+    if name not in ("mixed-mode", "mode-dependent", "coupled-formula") and entry.example is not None
 }
 
 

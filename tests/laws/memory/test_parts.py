@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ from hemivar.laws.memory import (
 )
 from hemivar.laws.memory.contact_memory import kept, slide
 from hemivar.laws.memory.rate_and_state import RateStateProfile
+from hemivar.laws.registry import MEMORIES
 from hemivar.laws.testing import check_law
 
 DASHPOT = PiecewiseQuadratic([0.0], [4.0, 4.0], [0.0], name="dashpot")
@@ -138,6 +140,12 @@ EACH: dict[str, Memory] = {
     "slip sum": SlipSum(),
     "rate and state": RateAndState(0.01, np.array([0.015, 0.02, 0.01]), 8e-3, 0.6, 1e-3, np.array([1.0, 2.0, 3.0])),
     "chain": MemoryChain((PenetrationMemory(np.array([30.0, 20.0, 10.0]), 0.4), Wear(np.array([0.1, 0.2, 0.3])))),
+}
+#: The bond with plastic slip has its own file.
+EACH |= {
+    name: cast(Memory, entry.make(**(entry.example or {})))
+    for name, entry in MEMORIES.items()
+    if name not in {"plastic-bond", *(memory.name for memory in EACH.values())}
 }
 
 

@@ -12,6 +12,7 @@ from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.parameters import LINE, RATE, parameter, positive
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Superpotential
@@ -21,6 +22,12 @@ from hemivar.laws.vector_law import VectorLaw
 __all__ = ["Bonding", "DampedContact", "PenetrationMemory"]
 
 
+@named(
+    LawKind.MEMORY,
+    "bonding",
+    "a bond beside the law, which acts in opening and fades where it is stretched",
+    "j(r) + stiffness beta^2 w^2/2, viscosity beta' = min(energy - stiffness beta w^2, 0)",
+)
 @dataclass(frozen=True, eq=False)
 class Bonding(Memory):
     """A bond beside the law, which acts in opening and fades where it is stretched; see :func:`hemivar.laws.bonded`.
@@ -72,6 +79,12 @@ class Bonding(Memory):
         return np.asarray(v["energy"] * fall + v["viscosity"] * fall**2 / step.tau)
 
 
+@named(
+    LawKind.MEMORY,
+    "penetration-memory",
+    "a foundation that remembers its penetration: it relaxes or hardens",
+    "stiffness int exp(-(t - s)/time) r(s) ds beside j'",
+)
 @dataclass(frozen=True, eq=False)
 class PenetrationMemory(Memory):
     """Memory of the penetration: the pressure has the part ``int stiffness exp(-(t - s)/time) r(s) ds`` beside the law.

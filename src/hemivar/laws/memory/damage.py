@@ -13,6 +13,7 @@ from hemivar.laws.coupled.friction_beside import FrictionBeside
 from hemivar.laws.friction import Friction
 from hemivar.laws.glue import glue_of
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.parameters import parameter
 from hemivar.laws.transformed import slipped
@@ -22,6 +23,12 @@ from hemivar.laws.vector_law import VectorLaw
 __all__ = ["Secant", "SlipSum"]
 
 
+@named(
+    LawKind.MEMORY,
+    "secant",
+    "glue that unloads along the secant to its largest opening; the damaged share may rub",
+    "j(r) = slope r^2/2 up to the largest opening, the law beyond it",
+)
 @dataclass(frozen=True, eq=False)
 class Secant(Memory):
     """Irreversible glue: it remembers the largest opening, and unloads along the secant to it.
@@ -119,6 +126,12 @@ class Secant(Memory):
         return np.asarray(lost + rubbed * slide(r[:, 1:] - step.before[:, 1:]))
 
 
+@named(
+    LawKind.MEMORY,
+    "slip-sum",
+    "friction that weakens with the accumulated slip",
+    "the friction of the law at the sum of the slip increments",
+)
 @dataclass(frozen=True, eq=False)
 class SlipSum(Memory):
     """Friction that weakens, or strengthens, with the sum s of all slips, and does not recover when slip turns round.

@@ -15,6 +15,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, Parameter
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.parameters import parameter, positive
 from hemivar.laws.transformed import affine, envelope
 from hemivar.laws.vector_law import VectorLaw
@@ -59,6 +60,12 @@ class _Series(Memory):
         return np.asarray(lam[:, 0] * (new["depth"] - old["depth"]))
 
 
+@named(
+    LawKind.MEMORY,
+    "wear",
+    "Archard's wear: the surface recedes with pressure and slip",
+    "p in dj(r - w), w' = coefficient p |slip rate|",
+)
 @dataclass(frozen=True, eq=False)
 class Wear(_Series):
     """Archard's wear: the depth grows with pressure and slip, ``w' = coefficient p |slip rate|``.
@@ -85,6 +92,12 @@ class Wear(_Series):
         return self._worn(slide(r[:, 1:]), lam[:, 0])
 
 
+@named(
+    LawKind.MEMORY,
+    "viscous-foundation",
+    "a foundation that creeps: the law in series with a dashpot",
+    "p in dj(r - w), w' = p/viscosity",
+)
 @dataclass(frozen=True, eq=False)
 class ViscousFoundation(_Series):
     """A foundation that creeps: the law in series with a dashpot, ``w' = p/viscosity``.

@@ -28,6 +28,7 @@ from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.shifted import ShiftedLaw
 from hemivar.laws.friction import Friction
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.parameters import LINE, PRESSURE, RATE, positive
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.transformed import plus
@@ -36,6 +37,12 @@ from hemivar.laws.vector_law import VectorLaw
 __all__ = ["PlasticBond"]
 
 
+@named(
+    LawKind.MEMORY,
+    "plastic-bond",
+    "a brittle bond with plastic slip, beside a normal law",
+    "beta (stiffness <w>^2 + shear_stiffness |s - pi|^2)/2 + hardening |pi|^2/2, beta 1 until it breaks",
+)
 @dataclass(frozen=True, eq=False)
 class PlasticBond(Memory):
     """A bond beside a normal law, which breaks and has plastic slip that hardens.

@@ -11,6 +11,7 @@ from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
+from hemivar.laws.named import LawKind, named
 from hemivar.laws.parameters import LENGTH, parameter, positive
 from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.vector_law import VectorLaw, splits
@@ -81,6 +82,13 @@ def _asinh(z: Array) -> Array:
     return np.where(z > 0.0, far, np.arcsinh(np.exp(np.minimum(z, 0.0))))
 
 
+@named(
+    LawKind.MEMORY,
+    "rate-and-state",
+    "friction of rate and state with the ageing law, times the bound of Tresca's friction",
+    "mu = direct asinh(V/(2 rate) exp((reference + evolution ln(rate theta/length))/direct)), "
+    "theta' = 1 - V theta/length",
+)
 @dataclass(frozen=True, eq=False)
 class RateAndState(Memory):
     """Rate-and-state friction of Dieterich and Ruina with the ageing law.

@@ -1,192 +1,26 @@
-"""Schemes: how a step of time becomes one static problem, or two.
-
-A stage has the displacement ``u*`` for its unknown.  Rate and acceleration there are linear in it,
-
-    v* = a (u* - u_n) + p,      w* = b (u* - u_n) + q,
-
-with p and q made of the velocity v and the acceleration w at the beginning of the step; all a scheme says are numbers.
-The same numbers serve the local displacements of contact points and the displacements of moved supports.
-"""
+"""The schemes of the library: one-step and multistep methods of the literature, and an impact law."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar
-
-import numpy as np
+from typing import ClassVar
 
 from hemivar.basics.arguments import expect, number
-from hemivar.basics.arrays import ROUNDED
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.stated import Form, stated
-from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.evolution.schemes.scheme import RateFormula, Scheme, StageRule
+from hemivar.laws.named import LawKind, named
 
-if TYPE_CHECKING:
-    from hemivar.evolution.state import Kinematics, Rates
-
-__all__ = [
-    "BDF2",
-    "SCHEMES",
-    "SDIRK2",
-    "GeneralizedAlpha",
-    "ImplicitEuler",
-    "Midpoint",
-    "MoreauJean",
-    "Newmark",
-    "RateFormula",
-    "Scheme",
-    "StageRule",
-]
+__all__ = ["BDF2", "SDIRK2", "GeneralizedAlpha", "ImplicitEuler", "Midpoint", "MoreauJean", "Newmark"]
 
 
-@dataclass(frozen=True)
-class RateFormula:
-    """``difference * (u - u_n) + velocity * v + acceleration * w + mean_velocity * dv + mean_acceleration * dw``.
-
-    v and w are velocity and acceleration at the beginning of the step, dv and dw the mean rates of displacement and
-    velocity over the step before it.
-    """
-
-    difference: float
-    velocity: float = 0.0
-    acceleration: float = 0.0
-    mean_velocity: float = 0.0
-    mean_acceleration: float = 0.0
-
-    @cached_property
-    def of_difference(self) -> bool:
-        """Whether it is a multiple of the difference alone."""
-        return not any((self.velocity, self.acceleration, self.mean_velocity, self.mean_acceleration))
-
-    @cached_property
-    def of_velocity(self) -> bool:
-        """Whether all that it takes over from the beginning of the step is a multiple of the velocity, or nothing."""
-        return not any((self.acceleration, self.mean_velocity, self.mean_acceleration))
-
-    def of(self, difference: Array, motion: Kinematics, last: Rates | None) -> Array:
-        """What it makes of a difference, of what was at the beginning of the step, and of the rates before it."""
-        out = self.difference * difference
-        for factor, rate in self._terms(motion, last):
-            out += factor * rate
-        return out
-
-    def carried(self, motion: Kinematics, last: Rates | None) -> Array:
-        """The part that does not depend on the difference."""
-        out: Array | None = None
-        for factor, rate in self._terms(motion, last):
-            out = factor * rate if out is None else out + factor * rate
-        return np.zeros_like(motion.displacement) if out is None else out
-
-    def _terms(self, motion: Kinematics, last: Rates | None) -> Iterator[tuple[float, Array]]:
-        if self.velocity:
-            yield self.velocity, motion.velocity
-        if self.acceleration:
-            yield self.acceleration, motion.acceleration
-        if self.mean_velocity:
-            assert last is not None
-            yield self.mean_velocity, last.velocity
-        if self.mean_acceleration:
-            assert last is not None
-            yield self.mean_acceleration, last.acceleration
-
-
-@dataclass(frozen=True)
-class StageRule:
-    """One stage of a step."""
-
-    #: Time of the stage as a part of the step: loads and laws hold there.
-    at: float
-    #: v* and w* of the unknown u* of the stage.
-    rate: RateFormula
-    acceleration: RateFormula
-    #: ``u_{n+1} - u_n = reach (u* - u_n)``, along a straight line in time.
-    reach: float
-    #: v and w at the end, of the difference ``u_{n+1} - u_n``.
-    new_velocity: RateFormula
-    new_acceleration: RateFormula
-    #: Part of the step that this stage answers for: it adds ``share * step * v*`` where stages are several; 1 where
-    #: there is one.
-    share: float = 1.0
-    #: If given, obstacles are rigid, and contact is a law of the velocity at the end: Newton's law of impact.
-    restitution: float | None = None
-    #: Whether the foundation pushes with the mean of its law over the step, which takes and gives no energy.
-    conserving: bool = False
-
-    @cached_property
-    def ends(self) -> bool:
-        """Whether the end of the step is the stage, with its velocity and acceleration."""
-        same = self.new_velocity == self.rate and self.new_acceleration == self.acceleration
-        return self.reach == 1.0 and same
-
-    @cached_property
-    def backward(self) -> float | None:
-        """The number c with ``v* = a (u* - u_n)`` and ``w* = c (v* - v)``; None where the scheme is another."""
-        a, b = self.rate, self.acceleration
-        if not (a.of_difference and b.of_velocity and a.difference and b.difference):
-            return None
-        ratio = b.difference / a.difference
-        return ratio if abs(b.velocity + ratio) <= ROUNDED * ratio else None
-
-
-@dataclass(frozen=True)
-class Scheme(ABC):
-    """A scheme: a frozen dataclass of options."""
-
-    #: Name in problem files and tables.
-    name: ClassVar[str]
-    #: Order in the step for smooth solutions.
-    order: ClassVar[int] = 2
-    #: Whether it needs a mass, and whether it can have one.
-    needs_mass: ClassVar[bool] = False
-    takes_mass: ClassVar[bool] = True
-    #: Whether a step goes on from the rates of the step before it.
-    multistep: ClassVar[bool] = False
-    #: Whether contact is a law of impact, one of velocities.
-    is_impact_law: ClassVar[bool] = False
-    #: Whether a step of an elastic body is one equilibrium, at its end, which the one before leads to.
-    ends_at_equilibrium: ClassVar[bool] = False
-    #: Whether a theorem bounds its error in time.
-    supports_time_bound: ClassVar[bool] = False
-    #: Whether velocities swing where a body touches a rigid obstacle.
-    rings_on_rigid_obstacles: ClassVar[bool] = False
-
-    @property
-    def averages_laws(self) -> bool:
-        """Whether the foundation pushes with the mean of its law over a step."""
-        return False
-
-    @abstractmethod
-    def rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
-        """The stages of a step of a given length, in their order.
-
-        Parameters
-        ----------
-        step : float
-        last : float or None
-            Length of the step before it; None if it begins again. Schemes of one step do not ask.
-        """
-
-    def massless_rules(self, step: float, last: float | None = None) -> tuple[StageRule, ...]:
-        """The same of a body without mass, whose velocity at the end of a step no step needs: it is only reported."""
-        return self.rules(step, last)
-
-    def uses_initial_acceleration(self, step: float) -> bool:
-        """Whether a step needs the acceleration of its beginning."""
-        return any(rule.rate.acceleration or rule.acceleration.acceleration for rule in self.rules(step))
-
-    def is_displacement_based(self, step: float) -> bool:
-        """Whether velocities at the end of a step are those of its displacements alone."""
-        return not any(
-            rule.velocity or rule.acceleration
-            for one in self.rules(step)
-            for rule in (one.rate, one.new_velocity, replace(one.acceleration, velocity=0.0))
-        )
-
-
+@named(
+    LawKind.SCHEME,
+    "implicit-euler",
+    "everything; friction with sticking",
+    "order 1: v* = (u* - u_n)/tau at the end of the step; damps vibrations",
+)
 @dataclass(frozen=True)
 class ImplicitEuler(Scheme):
     """Implicit Euler: the scheme of the literature on hemivariational inequalities; order 1, and it dissipates.
@@ -209,6 +43,12 @@ class ImplicitEuler(Scheme):
         return (StageRule(1.0, rate, acceleration, 1.0, rate, acceleration),)
 
 
+@named(
+    LawKind.SCHEME,
+    "midpoint",
+    "vibrations",
+    "order 2: the balance in the middle of the step; keeps the energy of linear bodies",
+)
 @dataclass(frozen=True)
 class Midpoint(Scheme):
     """The midpoint rule: order 2; keeps the energy of a linear body.  Contact laws hold at the midpoint.
@@ -224,7 +64,7 @@ class Midpoint(Scheme):
     name: ClassVar[str] = "midpoint"
     rings_on_rigid_obstacles: ClassVar[bool] = True
 
-    conserving: bool = field(default=False, metadata=stated(Form.FLAG))
+    conserving: bool = field(default=False, metadata=stated(Form.FLAG, example=True))
 
     def __post_init__(self) -> None:
         expect(self.conserving, bool, "conserving of Midpoint", "write True or False")
@@ -249,6 +89,12 @@ class Midpoint(Scheme):
         return (replace(rule, new_velocity=velocity, new_acceleration=RateFormula(1.0 / step**2, -1.0 / step, 0.5)),)
 
 
+@named(
+    LawKind.SCHEME,
+    "newmark",
+    "mass on compliant foundations",
+    "order 2: u* = u_n + tau v + tau^2 ((1/2 - beta) w + beta w*), v* = v + tau ((1 - gamma) w + gamma w*)",
+)
 @dataclass(frozen=True)
 class Newmark(Scheme):
     """Newmark's scheme, the contact laws at the end of the step.
@@ -281,6 +127,12 @@ class Newmark(Scheme):
         return (StageRule(1.0, velocity, acceleration, 1.0, velocity, acceleration),)
 
 
+@named(
+    LawKind.SCHEME,
+    "generalized-alpha",
+    "mass on compliant foundations",
+    "order 2: the balance between the ends of the step; damps only the unresolved high frequencies",
+)
 @dataclass(frozen=True)
 class GeneralizedAlpha(Scheme):
     """The generalised-alpha scheme of Chung and Hulbert (10.1115/1.2900803), contact laws at its own place in the step.
@@ -314,6 +166,12 @@ class GeneralizedAlpha(Scheme):
         return (StageRule(1.0 - af, rate, acceleration, 1.0 / (1.0 - af), v, w),)
 
 
+@named(
+    LawKind.SCHEME,
+    "sdirk2",
+    "bodies without mass",
+    "order 2: two stages of one matrix, at (1 - 1/sqrt(2)) tau and at the end; L-stable",
+)
 @dataclass(frozen=True)
 class SDIRK2(Scheme):
     """The L-stable diagonally implicit Runge-Kutta method of order 2 with one matrix for both stages; without mass."""
@@ -335,6 +193,12 @@ class SDIRK2(Scheme):
         )
 
 
+@named(
+    LawKind.SCHEME,
+    "bdf2",
+    "smooth motion with or without mass",
+    "order 2: the rate at the end from the last two steps",
+)
 @dataclass(frozen=True)
 class BDF2(Scheme):
     """The backward differentiation formula of order 2, for steps of any length; it damps what a step cannot resolve.
@@ -358,6 +222,12 @@ class BDF2(Scheme):
         return (StageRule(1.0, rate, acceleration, 1.0, rate, acceleration),)
 
 
+@named(
+    LawKind.SCHEME,
+    "moreau-jean",
+    "rigid obstacles",
+    "order 1: an impact law, v_{n+1} <= -restitution v_n along the normal; impacts gain no energy",
+)
 @dataclass(frozen=True)
 class MoreauJean(Scheme):
     """The scheme of Moreau and Jean: impacts with restitution on rigid obstacles (Acary, arXiv:1410.2499).
@@ -380,7 +250,7 @@ class MoreauJean(Scheme):
     needs_mass: ClassVar[bool] = True
     is_impact_law: ClassVar[bool] = True
 
-    restitution: float = field(default=0.0, metadata=stated(Form.NUMBER, least=0.0, most=1.0))
+    restitution: float = field(default=0.0, metadata=stated(Form.NUMBER, least=0.0, most=1.0, example=0.5))
     theta: float = field(default=0.5, metadata=stated(Form.NUMBER, least=0.5, most=1.0))
 
     def __post_init__(self) -> None:
@@ -414,10 +284,3 @@ def _newmark(beta: float, gamma: float, step: float) -> tuple[RateFormula, RateF
         RateFormula(gamma / (beta * step), 1.0 - gamma / beta, step * (1.0 - gamma / (2.0 * beta))),
         RateFormula(1.0 / (beta * step**2), -1.0 / (beta * step), 1.0 - 1.0 / (2.0 * beta)),
     )
-
-
-#: Schemes with their standard options, by name.
-SCHEMES: dict[str, Scheme] = {
-    scheme.name: scheme
-    for scheme in (ImplicitEuler(), Midpoint(), Newmark(), GeneralizedAlpha(), SDIRK2(), BDF2(), MoreauJean())
-}
