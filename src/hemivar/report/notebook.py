@@ -464,13 +464,13 @@ def _path_record(path: Path) -> Record:
 
 def _solutions_record(solutions: SolutionSet) -> Record:
     return {
-        "kind": [None if one.kind is None else one.kind.value for one in solutions],
-        "energy": [one.energy for one in solutions],
-        "max_penetration": [float(one.penetration.max(initial=-np.inf)) for one in solutions],
-        "normal_force": [one.normal_force for one in solutions],
-        "contact": [one.contact_length for one in solutions],
-        "status": [one.status.value for one in solutions],
-        "residual": [one.residual.relative for one in solutions],
+        "kind": [None if solution.kind is None else solution.kind.value for solution in solutions],
+        "energy": [solution.energy for solution in solutions],
+        "max_penetration": [float(solution.penetration.max(initial=-np.inf)) for solution in solutions],
+        "normal_force": [solution.normal_force for solution in solutions],
+        "contact": [solution.contact_length for solution in solutions],
+        "status": [solution.status.value for solution in solutions],
+        "residual": [solution.residual.relative for solution in solutions],
     }
 
 

@@ -406,7 +406,7 @@ def sweep_table(sweep: Sweep, title: str = "", *, units: Units | None = None) ->
     )  # fmt: skip
     rows = []
     for point in sweep.points:
-        values = (one if isinstance(one, int | float | str) else str(one) for one in sweep.values(point))
+        values = (value if isinstance(value, int | float | str) else str(value) for value in sweep.values(point))
         lowest = (point.energies[0], point.penetrations[0], point.forces[0]) if point.energies else (None, None, None)
         others = None if point.failed else "no" if point.exhaustive else "perhaps"
         margin = None if math.isnan(point.margin) else point.margin
