@@ -301,7 +301,7 @@ class IdentifyCommand(OnProblem):
             of_law = parameters_of_law(self.problem, self.law, self.contact, code)
             wanted = [*(parameter for parameter in of_law if parameter.key not in named), *wanted]
         print_title(session.stated)
-        ranges = ", ".join(f"{one.key} ({one.low:.4g} to {one.high:.4g})" for one in wanted)
+        ranges = ", ".join(f"{parameter.key} ({parameter.low:.4g} to {parameter.high:.4g})" for parameter in wanted)
         print(f"fit               {ranges}")
         work = identifying(
             self.problem, self.data, wanted, self.options, changes=changes, controls=session.controls, code=code

@@ -45,7 +45,7 @@ __all__ = [
 #: Suffixes that :func:`write_history` knows.
 HISTORY_FILES = (".pvd", ".csv", ".parquet", ".json")
 #: Columns of the energy balance.
-_ENERGIES = {one.name for one in fields(EnergyBalance)} - {"start"}
+_ENERGIES = {part.name for part in fields(EnergyBalance)} - {"start"}
 _WHOLE = ("solver_steps", "jumped", "fallbacks")
 
 

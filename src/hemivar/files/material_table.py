@@ -166,7 +166,7 @@ def _refuse_plane(table: TomlTable, dim: int) -> None:
 
 def _viscosity(dim: int, table: TomlTable) -> Moduli:
     value = table.data["viscosity"]
-    pair = isinstance(value, list) and len(value) == 2 and not any(isinstance(one, list) for one in value)
+    pair = isinstance(value, list) and len(value) == 2 and not any(isinstance(entry, list) for entry in value)
     if not pair and (not isinstance(value, list) or len(value) != (3 if dim == 2 else 6)):
         what = "two numbers or formulas, lambda and mu, or a matrix as under tensor"
         raise table.error("viscosity", f"must be {what}, not {kind(value)}")

@@ -128,7 +128,7 @@ def _openings(table: TomlTable) -> tuple[Opening, ...]:
             openings.append(Opening(entry))
             continue
         names = entry.get("between") if isinstance(entry, dict) and entry.keys() == {"name", "between"} else None
-        if not isinstance(names, list) or len(names) != 2 or not all(isinstance(one, str) for one in names):
+        if not isinstance(names, list) or len(names) != 2 or not all(isinstance(name, str) for name in names):
             raise table.error("opened", f"{quoted(entry)} names no curve or surface inside the body; {how}")
         openings.append(Opening(str(entry["name"]), (names[0], names[1])))
     return tuple(openings)
@@ -201,11 +201,14 @@ def _recipe_record(recipe: MeshRecipe, folder: Path) -> dict[str, object]:
 
 
 def _marked_record(boundaries: tuple[Marking, ...]) -> dict[str, str]:
-    return {one.name: one.condition for one in boundaries}
+    return {boundary.name: boundary.condition for boundary in boundaries}
 
 
 def _opened_record(opened: tuple[Opening, ...]) -> list[object]:
-    return [one.name if one.between is None else {"name": one.name, "between": list(one.between)} for one in opened]
+    return [
+        opening.name if opening.between is None else {"name": opening.name, "between": list(opening.between)}
+        for opening in opened
+    ]
 
 
 def file_name(path: Path, folder: Path) -> str:

@@ -282,7 +282,7 @@ def _field(top: TomlTable, table: TomlTable, stated: StatedMesh, mesh: Mesh) -> 
     """What the one component of a file is."""
     if stated.quadrature is Quadrature.MIDPOINT:
         raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
-    chosen = ScalarKind(top.text("kind", None, [one.value for one in ScalarKind]))
+    chosen = ScalarKind(top.text("kind", None, [kind.value for kind in ScalarKind]))
     if mesh.dim == 3 and chosen is not ScalarKind.HEAT:
         raise top.error("kind", f"'{chosen}' needs a plane mesh; write a rectangle in [mesh]")
     return chosen

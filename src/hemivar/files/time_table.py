@@ -115,9 +115,9 @@ def _step(table: TomlTable) -> StepSizeController:
         raise given.error("rtol", "is missing; give the tolerance of a step's error, or write step = NUMBER")
     values = decode(AdaptiveStep, given)
     lengths = [(key, values[name]) for key, name in _LENGTHS if name in values]
-    for (one, less), (other, more) in itertools.pairwise(lengths):
+    for (name, less), (other, more) in itertools.pairwise(lengths):
         if less > more:
-            raise given.error(one, f"is {less:g}, more than {other} = {more:g}; exchange them")
+            raise given.error(name, f"is {less:g}, more than {other} = {more:g}; exchange them")
     for key, length in lengths:
         if key != "max" and length > until:
             raise given.error(key, f"is {length:g}, longer than the whole time {until:g}; give a shorter one")

@@ -121,7 +121,7 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
         "time": _time_keys,
         "output": _output_keys,
         "solver": keys_of(SolverSettings),
-        "units": tuple(one.name for one in fields(Units)),
+        "units": tuple(unit.name for unit in fields(Units)),
     }
 )
 

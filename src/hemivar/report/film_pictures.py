@@ -183,7 +183,7 @@ class FilmPicture:
             self._canvas.draw()
             self._rest = self._canvas.copy_from_bbox(self.fig.bbox)
         self._canvas.restore_region(self._rest)
-        for artist in sorted(self.moving, key=lambda one: one.get_zorder()):
+        for artist in sorted(self.moving, key=lambda artist: artist.get_zorder()):
             if artist is self.drawn.artists[0] and isinstance(self.drawn, DrawnSurface):
                 self.drawn.surface.do_3d_projection()
             self.fig.draw_artist(artist)

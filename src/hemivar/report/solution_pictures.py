@@ -68,8 +68,8 @@ def plot_solutions(
     columns = min(len(shown), BESIDE)
     rows = -(-len(shown) // columns)
     high, low = 2.7, 0.0 if curve is None else 1.5
-    largest = max(float(np.linalg.norm(one.multiplier, axis=1).max(initial=0.0)) for one in shown) or None
-    kinds = {kind: None for one in shown for kind in one.states.present}
+    largest = max(float(np.linalg.norm(solution.multiplier, axis=1).max(initial=0.0)) for solution in shown) or None
+    kinds = {kind: None for solution in shown for kind in solution.states.present}
     with drawing():
         fig = new_figure((max(2.6 * columns, 3.4), (high + low) * rows + 0.7), layout="constrained")
         ratios = [part for _ in range(rows) for part in (high, low) if part]
@@ -119,7 +119,7 @@ class _LawCurve:
         if not isinstance(law, ContactLaw) or law.state_dependent or problem.contact_points == 0:
             return None
         parts = law.scalar_laws(problem.contact.components)
-        depths = [np.array([_depth_or_slip(one, k) for one in solutions]) for k in range(len(parts))]
+        depths = [np.array([_depth_or_slip(solution, k) for solution in solutions]) for k in range(len(parts))]
         component = int(np.argmax([float(np.ptp(depth, axis=0).max(initial=0.0)) for depth in depths]))
         least, most = float(depths[component].min()), float(depths[component].max())
         room = 0.12 * (most - least) or 1.0

@@ -78,7 +78,7 @@ _SHAPES = {
     NormalState.SOFTENING: "v",
     NormalState.DEBONDED: "X",
 }
-_SLIPPING, _STICKING = (Kind(NormalState.CONTACT, one) for one in (TangentialState.SLIP, TangentialState.STICK))
+_SLIPPING, _STICKING = (Kind(NormalState.CONTACT, state) for state in (TangentialState.SLIP, TangentialState.STICK))
 MARKERS: Mapping[Kind, dict[str, Any]] = {
     kind: {
         "marker": "^" if kind == _SLIPPING else _SHAPES[kind.normal],

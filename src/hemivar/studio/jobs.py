@@ -177,10 +177,10 @@ class Bench:
     def _refuse_included(self, read: Sequence[Path]) -> None:
         """Refuse files that meshes include from outside of the folder, and of those that the page began with."""
         homes = [self.folder.resolve(), *((self.folder / name).resolve().parent for name in self._given)]
-        for one in read:
-            if not any(one.resolve().is_relative_to(home) for home in homes):
+        for file in read:
+            if not any(file.resolve().is_relative_to(home) for home in homes):
                 raise ProblemError(
-                    f"problem: '{printable(one.name)}' is included from outside of the folder of the problem, and the "
+                    f"problem: '{printable(file.name)}' is included from outside of the folder of the problem, and the "
                     "page reads files of that folder only; make a copy in it"
                 )
 
@@ -326,7 +326,7 @@ class Bench:
     def _energies(self, request: Request, stated: _Stated, stopped: Stopped) -> Messages:
         """The energy of the solution over the values of one number of the text."""
         stated = _static(stated, "the energy over a slider")
-        number = next((one for one in numbers_of(request.text) if one.key == request.key), None)
+        number = next((entry for entry in numbers_of(request.text) if entry.key == request.key), None)
         if number is None:
             raise ProblemError(f"'{printable(request.key)}' is not a number of the problem; choose one with a slider")
         values = np.linspace(request.low, request.high, _VALUES)

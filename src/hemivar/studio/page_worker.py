@@ -120,7 +120,7 @@ def _waiting(request: Request) -> Message:
 def _end() -> None:
     """Let no worker compute while the interpreter is taken down, which would make that fail."""
     workers = list(_WORKERS)
-    for one in workers:
-        one.close()
-    for one in workers:
-        one.join(_PATIENCE)
+    for worker in workers:
+        worker.close()
+    for worker in workers:
+        worker.join(_PATIENCE)

@@ -63,8 +63,7 @@ def in_utf16(text: str, numbers: list[TextNumber]) -> list[TextNumber]:
     """The numbers with their places in UTF-16 units, as a browser counts: a character beyond U+FFFF takes two."""
     wide = [index for index, character in enumerate(text) if ord(character) > 0xFFFF]
     return [
-        replace(one, start=one.start + bisect_left(wide, one.start), end=one.end + bisect_left(wide, one.end))
-        for one in numbers
+        replace(n, start=n.start + bisect_left(wide, n.start), end=n.end + bisect_left(wide, n.end)) for n in numbers
     ]
 
 

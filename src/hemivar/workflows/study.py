@@ -197,8 +197,8 @@ class Study(ReprMixin, PickleMixin):
         orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
         h, count = self.sizes, len(self.levels)
         meshes = f"{count} meshes, h {h[0]:.3g} to {h[-1]:.3g}"
-        remarks = [f"if {' and '.join(one.conditions)}" for one in self.levels if one.conditions]
-        remarks += [f"none, because {'; '.join(one.unbounded)}" for one in self.levels if one.unbounded]
+        remarks = [f"if {' and '.join(level.conditions)}" for level in self.levels if level.conditions]
+        remarks += [f"none, because {'; '.join(level.unbounded)}" for level in self.levels if level.unbounded]
         bounds = f"; {self.kind_of_bound}: {remarks[-1]}" if remarks else ""
         return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'}{bounds})"
 
@@ -640,9 +640,9 @@ def _bounded(levels: list[StudyLevel]) -> Work[bool]:
     """Put the bound of its error into each level; returns whether the work was interrupted."""
     first = levels[0].solution.problem
     with one_thread():
-        one = first.origin is not None and first.origin.kind is not None
+        scalar = first.origin is not None and first.origin.kind is not None
         # of the body: they hold on every mesh of it
-        constants = None if one else body_constants(first, Workspace())
+        constants = None if scalar else body_constants(first, Workspace())
         for number, level in enumerate(levels):
             yield Phase(f"h = {level.size:.4g}: bound of the error", number, len(levels))
             stated = level.solution.problem.origin

@@ -68,7 +68,7 @@ class SweepAxis:
     values: tuple[object, ...]
 
     def __post_init__(self) -> None:
-        values = tuple(one.item() if isinstance(one, np.generic) else one for one in self.values)
+        values = tuple(value.item() if isinstance(value, np.generic) else value for value in self.values)
         if not values:
             raise ProblemError(f"parameter '{self.key}' has no values; give at least one")
         object.__setattr__(self, "values", values)
@@ -76,7 +76,7 @@ class SweepAxis:
     @property
     def numbers(self) -> Array | None:
         """The values as numbers, or None where one is none."""
-        if all(isinstance(one, int | float) and not isinstance(one, bool) for one in self.values):
+        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values):
             return np.array(self.values, dtype=float)
         return None
 
@@ -499,10 +499,10 @@ def _computed(task: _Task) -> SweepPoint:
     return SweepPoint(
         task.place,
         float(constants.margin),
-        tuple(float(one.energy) for one in solutions),
-        tuple("" if one.kind is None else str(one.kind) for one in solutions),
-        tuple(float(one.penetration.max(initial=-math.inf)) for one in solutions),
-        tuple(float(one.normal_force) for one in solutions),
+        tuple(float(solution.energy) for solution in solutions),
+        tuple("" if solution.kind is None else str(solution.kind) for solution in solutions),
+        tuple(float(solution.penetration.max(initial=-math.inf)) for solution in solutions),
+        tuple(float(solution.normal_force) for solution in solutions),
         solutions.exhaustive,
         solutions.searched,
     )
