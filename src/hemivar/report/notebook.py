@@ -463,21 +463,6 @@ def _path_record(path: Path) -> Record:
     }
 
 
-<<<<<<< HEAD
-=======
-def _solutions_record(solutions: SolutionSet) -> Record:
-    return {
-        "kind": [None if solution.kind is None else solution.kind.value for solution in solutions],
-        "energy": [solution.energy for solution in solutions],
-        "max_penetration": [float(solution.penetration.max(initial=-np.inf)) for solution in solutions],
-        "normal_force": [solution.normal_force for solution in solutions],
-        "contact": [solution.contact_length for solution in solutions],
-        "status": [solution.status.value for solution in solutions],
-        "residual": [solution.residual.relative for solution in solutions],
-    }
-
-
->>>>>>> wH
 _RECORDS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
     Path: (_path_record, "path.load_factor, path.energy, path.normal_force"),
     SolutionSet: (lambda found: found.rows().by_name(), "solutions.energies"),

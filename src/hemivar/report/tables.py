@@ -376,22 +376,4 @@ def sweep_table(sweep: Sweep, title: str = "", *, units: Units | None = None) ->
     -------
     Table
     """
-<<<<<<< HEAD
     return Table.of(sweep.rows(), title, units=units)
-=======
-    units = Units() if units is None else units
-    columns = (
-        *(axis.key for axis in sweep.axes), "solutions", "minima", "others", "margin", units.head("energy", "energy"),
-        units.head("penetration", "length"), units.head("force", "force"), "note",
-    )  # fmt: skip
-    rows = []
-    for point in sweep.points:
-        values = (value if isinstance(value, int | float | str) else str(value) for value in sweep.values(point))
-        lowest = (point.energies[0], point.penetrations[0], point.forces[0]) if point.energies else (None, None, None)
-        others = None if point.failed else "no" if point.exhaustive else "perhaps"
-        margin = None if math.isnan(point.margin) else point.margin
-        counts = (None, None) if point.failed else (point.count, point.minima)
-        rows.append((*values, *counts, others, margin, *lowest, point.note if point.failed else ""))
-    kept = [k for k, name in enumerate(columns) if name != "note" or any(row[k] for row in rows)]
-    return Table(tuple(columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), title)
->>>>>>> wH
