@@ -32,9 +32,6 @@ class Primitive(VectorLaw):
     base: VectorLaw
     name: str = "primitive"
 
-    def at(self, points: Array | None) -> VectorLaw:
-        return Primitive(self.base.at(points))
-
     def take(self, index: IntArray) -> VectorLaw:
         return Primitive(self.base.take(index))
 
@@ -43,9 +40,6 @@ class Primitive(VectorLaw):
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         return self.base.nearest_multiplier(r, lam)
-
-    def clamp(self, start: Array, end: Array) -> Array:
-        return self.base.clamp(start, end)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         return self.base.local_argmin(a, b)

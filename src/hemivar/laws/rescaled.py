@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Self, TypeVar, cast
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,50 +15,11 @@ from hemivar.laws.parameters import common_rows
 from hemivar.laws.proof import Constant, Proof
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["RescaledLaw", "ResolvedLaw", "moved_ends", "row", "separated", "taken"]
-
-Part = TypeVar("Part")
-
-
-def row(values: Part, index: IntArray) -> Part:
-    """The numbers (1, ...) or (m, ...) at some of the contact points."""
-    known = cast(Array, values)
-    return values if len(known) == 1 else cast(Part, known[index])
-
-
-def taken(part: Part, index: IntArray) -> Part:
-    """What a law consists of, at some of the contact points: laws, numbers, and what holds such."""
-    if isinstance(part, Superpotential):
-        return cast(Part, part.take(index)) if part.rows > 1 else part
-    if isinstance(part, np.ndarray):
-        return row(part, index)
-    if isinstance(part, tuple):
-        return cast(Part, tuple(taken(part_of_it, index) for part_of_it in part))
-    return _each_taken(part, index) if is_dataclass(part) and not isinstance(part, type) else part
-
-
-def _each_taken(whole: Part, index: IntArray) -> Part:
-    named = ((field.name, getattr(whole, field.name)) for field in fields(whole) if field.init)  # type: ignore[arg-type]
-    return replace(whole, **{name: taken(part, index) for name, part in named})  # type: ignore[type-var]
-
-
-class ResolvedLaw(Superpotential):
-    """A dataclass of laws whose parameters are known, and of numbers (m,) for each contact point or for all."""
-
-    def at(self, points: Array | None) -> Self:
-        if points is not None and self.rows not in (1, len(points)):
-            raise ProblemError(f"law '{self.name}' is made for {self.rows} contact points, but there are {len(points)}")
-        return self
-
-    def scaled(self, factor: Array | float) -> Superpotential:
-        return RescaledLaw(self, np.asarray(factor))
-
-    def take(self, index: IntArray) -> Self:
-        return self if self.rows == 1 else _each_taken(self, index)
+__all__ = ["RescaledLaw", "moved_ends", "separated"]
 
 
 @dataclass(frozen=True, eq=False)
-class RescaledLaw(ResolvedLaw):
+class RescaledLaw(Superpotential):
     """The law ``factor j(theta r + c)/theta``, whose derivative is ``factor j'(theta r + c)``, j that of ``base``.
 
     Many knots are not copied for each point: they are searched where the base has them.

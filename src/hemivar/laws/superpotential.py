@@ -13,21 +13,25 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TypeVar, cast
 
 import numpy as np
 
 from hemivar.basics.arrays import CACHED
-from hemivar.basics.first_use import cached_property
+from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
 from hemivar.laws import minimisers
 from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.description import LawDescription, describe
 from hemivar.laws.minimisers import FAR, MANY
 from hemivar.laws.proof import Constant, Proof, in_class_of, of_alpha
 
-__all__ = ["Interval", "Superpotential", "entry"]
+__all__ = ["Interval", "Superpotential", "entry", "row", "taken"]
+
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,26 +135,33 @@ class Superpotential(PickleMixin, ABC):
         Where no alpha is known for every r it is that of the reach of its :meth:`proof`.
         """
 
-    @property
-    @abstractmethod
-    def growth(self) -> tuple[Array, Array]:
-        """Constants ``(c0, c1)`` of |dj(r)| <= c0 + c1 |r|, infinite where there are none."""
-
-    @abstractmethod
-    def at(self, points: Array | None) -> Superpotential:
-        """The law with every parameter evaluated at ``points (m, d)``."""
-
-    @abstractmethod
-    def scaled(self, factor: Array | float) -> Superpotential:
-        """The law ``factor * j``, with one factor >= 0 for each contact point."""
-
-    @abstractmethod
-    def take(self, index: IntArray) -> Superpotential:
-        """The law at some of the contact points."""
-
     @abstractmethod
     def recession(self, sign: Array) -> Array:
         """Growth rate lim j(t s)/t, t -> inf, in each direction ``s``; may be +inf."""
+
+    # ---- what a law may know better ------------------------------------------------------------------
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        """Constants ``(c0, c1)`` of |dj(r)| <= c0 + c1 |r|, infinite where there are none, or none are known."""
+        return np.full(1, np.inf), np.zeros(1)
+
+    def at(self, points: Array | None) -> Superpotential:
+        """The law with every parameter evaluated at ``points (m, d)``; itself where all of them are numbers."""
+        if points is not None and self.rows not in (1, len(points)):
+            raise ProblemError(f"law '{self.name}' is made for {self.rows} contact points, but there are {len(points)}")
+        return self
+
+    def scaled(self, factor: Array | float) -> Superpotential:
+        """The law ``factor * j``, with one factor >= 0 for each contact point."""
+        with IMPORTS:
+            from hemivar.laws.rescaled import RescaledLaw  # only here: it is a law itself
+
+        return RescaledLaw(self, np.asarray(factor))
+
+    def take(self, index: IntArray) -> Superpotential:
+        """The law at some of the contact points; by default of a dataclass, whose numbers are (m, ...) or (1, ...)."""
+        return self if self.rows == 1 else _each_taken(self, index)
 
     @property
     def is_glue(self) -> bool:
@@ -407,3 +418,25 @@ class Superpotential(PickleMixin, ABC):
     def describe(self, point: int = 0) -> LawDescription:
         """Formula, kinks and constants of the law at one contact point."""
         return describe(self, point)
+
+
+def row(values: Part, index: IntArray) -> Part:
+    """The numbers (1, ...) or (m, ...) at some of the contact points."""
+    known = cast(Array, values)
+    return values if len(known) == 1 else cast(Part, known[index])
+
+
+def taken(part: Part, index: IntArray) -> Part:
+    """What a law consists of, at some of the contact points: laws, numbers, and what holds such."""
+    if isinstance(part, Superpotential):
+        return cast(Part, part.take(index)) if part.rows > 1 else part
+    if isinstance(part, np.ndarray):
+        return row(part, index)
+    if isinstance(part, tuple):
+        return cast(Part, tuple(taken(part_of_it, index) for part_of_it in part))
+    return _each_taken(part, index) if is_dataclass(part) and not isinstance(part, type) else part
+
+
+def _each_taken(whole: Part, index: IntArray) -> Part:
+    named = ((field.name, getattr(whole, field.name)) for field in fields(whole) if field.init)  # type: ignore[arg-type]
+    return replace(whole, **{name: taken(part, index) for name, part in named})  # type: ignore[type-var]

@@ -16,7 +16,7 @@ from hemivar.laws.crossings import Crossings, level_places
 from hemivar.laws.minimisers import FAR
 from hemivar.laws.proof import Constant, Proof, beside, in_class_of, of_alpha
 from hemivar.laws.sides import Sides, lengths, most_resisted, polar, rest_forces, sides_of
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Interval, Superpotential, taken
 
 __all__ = [
     "Chart",
@@ -123,9 +123,9 @@ class VectorLaw(PickleMixin, ABC):
         """Why it is no normal law with radial friction, in words; empty of a :class:`~hemivar.laws.ContactLaw`."""
         return f"law '{self.name}' couples opening and slip"
 
-    @abstractmethod
     def at(self, points: Array | None) -> VectorLaw:
-        """The law with every parameter evaluated at ``points (m, d)``."""
+        """The law with every parameter evaluated at ``points (m, d)``; itself where all of them are numbers."""
+        return self
 
     def in_frames(self, frames: Array) -> VectorLaw:
         """The law where ``frames (m, c, d)`` are the unit vectors of local components: directions are turned into them.
@@ -137,9 +137,9 @@ class VectorLaw(PickleMixin, ABC):
         """
         return self
 
-    @abstractmethod
     def take(self, index: IntArray) -> VectorLaw:
-        """The law at some of the contact points."""
+        """The law at some of the contact points; by default of a dataclass, whose numbers are (m, ...) or (1, ...)."""
+        return taken(self, index)
 
     # ---- in time ----------------------------------------------------------------------------------------
 
@@ -300,9 +300,15 @@ class VectorLaw(PickleMixin, ABC):
     def linearise(self, r: Array) -> Linearisation:
         """Derivatives of the parts that are smooth at ``r``."""
 
-    @abstractmethod
     def clamp(self, start: Array, end: Array) -> Array:
-        """``end (m, c)``, cut back to the smooth pieces on which ``start (m, c)`` lies."""
+        """``end (m, c)``, cut back to the smooth pieces on which ``start (m, c)`` lies; by default between kinks."""
+        out, knots, r = self.admissible(end), self.penetration_knots, start[:, :1]
+        low = np.where(knots < r, knots, -np.inf).max(axis=1, initial=-np.inf)
+        out[:, 0] = np.clip(out[:, 0], low, np.where(knots > r, knots, np.inf).min(axis=1, initial=np.inf))
+        slip = self.kinks(start)[1]
+        back = np.einsum("mi,mi->m", start[:, 1:] - slip, end[:, 1:] - slip) <= 0.0  # and where there is none: nan
+        out[back, 1:] = slip[back]
+        return out
 
     def admissible(self, r: Array) -> Array:
         """The local displacement nearest to ``r (m, c)`` in the domain of the laws."""

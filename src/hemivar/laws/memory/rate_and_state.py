@@ -13,7 +13,7 @@ from hemivar.laws.friction import ABSOLUTE_VALUE, Friction
 from hemivar.laws.memory.contact_memory import LocalStep, Memory, MemoryState, kept, slide
 from hemivar.laws.named import LawKind, named
 from hemivar.laws.parameters import LENGTH, parameter, positive
-from hemivar.laws.rescaled import ResolvedLaw
+from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import VectorLaw, splits
 
 __all__ = ["RateAndState", "RateStateProfile"]
@@ -23,7 +23,7 @@ _MOST = 600.0
 
 
 @dataclass(frozen=True, eq=False)
-class RateStateProfile(ResolvedLaw):
+class RateStateProfile(Superpotential):
     """The profile ``direct asinh(V exp(exponent))``, V = rate |d|, of the slip increment d; smooth and convex."""
 
     direct: Array

@@ -13,7 +13,7 @@ from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.proof import SAMPLED, Constant, Proof, of_alpha
-from hemivar.laws.rescaled import ResolvedLaw
+from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["ArrayFunction", "LawPiece", "OwnLaw", "check_joined", "middle_of"]
 
@@ -33,7 +33,7 @@ class LawPiece(PickleMixin):
     text: str = ""
 
 
-class OwnLaw(ResolvedLaw):
+class OwnLaw(Superpotential):
     """A law, the same at every contact point, that is given by a list of smooth pieces."""
 
     reach: float

@@ -14,9 +14,9 @@ from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.rescaled import RescaledLaw, moved_ends, row, separated, taken
+from hemivar.laws.rescaled import RescaledLaw, moved_ends, separated
 from hemivar.laws.stacked import StackedLaw
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Interval, Superpotential, row, taken
 from hemivar.laws.transformed.envelopes import EnvelopeLaw
 from hemivar.laws.transformed.law_graph import LawGraph, Region, Term, between, law_graph, spliced
 from hemivar.laws.transformed.transformed_law import by_parts, check_law, count_knots, merged, numbers, table_of

@@ -12,8 +12,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.normal import Compliance
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.rescaled import row
-from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.superpotential import Superpotential, row
 from hemivar.laws.transformed.law_graph import Region, between
 from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, lines, merged, numbers, pick, table_of
 

@@ -11,7 +11,6 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.parameters import common_rows
-from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed.algebra import plus
 from hemivar.laws.transformed.transformed_law import check_law, numbers, pick
@@ -79,7 +78,7 @@ def bonded(
 
 
 @dataclass(frozen=True, eq=False)
-class BondLaw(ResolvedLaw):
+class BondLaw(Superpotential):
     """The bond alone; see :func:`bonded`. Pieces are of three kinds: sliding (0), intact (1), closed (2)."""
 
     stiffness: Array

@@ -13,8 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import MANY, piece_bounds
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.rescaled import row
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Interval, Superpotential, row
 from hemivar.laws.transformed.transformed_law import (
     LawOfOne,
     by_parts,

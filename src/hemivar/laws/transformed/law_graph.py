@@ -18,7 +18,6 @@ from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.proof import Constant, Proof, worst
-from hemivar.laws.rescaled import ResolvedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.transformed_law import count_knots, falls_between, lines, merged, pick, table_of
 from hemivar.laws.transformed.turns import steepest_fall
@@ -168,7 +167,7 @@ def law_graph(
 
 
 @dataclass(frozen=True, eq=False)
-class LawGraph(ResolvedLaw):
+class LawGraph(Superpotential):
     """A law whose derivative on every piece is the sum of derivatives of other laws."""
 
     places: Array  # knots (m, K), +inf where unused

@@ -18,7 +18,7 @@ from hemivar.laws.minimisers import FAR, MANY
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.proof import Constant, Proof, of_alpha
-from hemivar.laws.rescaled import RescaledLaw, ResolvedLaw
+from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
@@ -40,7 +40,7 @@ __all__ = [
 Entry = TypeVar("Entry", bound=np.generic)
 
 
-class LawOfOne(ResolvedLaw):
+class LawOfOne(Superpotential):
     """A law made of one other, ``base``, whose name it bears."""
 
     base: Superpotential

@@ -13,8 +13,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.minimisers import golden_section
-from hemivar.laws.rescaled import taken
-from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.superpotential import Interval, Superpotential, taken
 from hemivar.laws.transformed.transformed_law import falls_between
 
 __all__ = ["steepest_fall", "turns"]
