@@ -15,7 +15,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.constitutive import ConstitutiveLaw, elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_values
-from hemivar.fem.initial_stress import initial_load
+from hemivar.fem.initial_load import initial_load
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import hoop_matrices
 from hemivar.kernels.mesh_sums import BlockGraph

@@ -12,7 +12,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, scaled_gradients, shape_derivatives
-from hemivar.fem.initial_stress import initial_stress
+from hemivar.fem.initial_load import initial_stress
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.rings import hoop_strain
 from hemivar.mechanics.statement import ContactProblem, expect_body

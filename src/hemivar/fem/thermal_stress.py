@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
-from hemivar.fem.initial_stress import stress_across
+from hemivar.fem.initial_load import stress_across
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.kinematics import voigt_index
 from hemivar.mechanics.per_volume import at_place

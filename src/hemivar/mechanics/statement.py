@@ -111,14 +111,6 @@ class ContactProblem(PickleMixin, ReprMixin):
         Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
     tractions : mapping of boundary name to vector, callable or Pressure
         Force per area.
-    initial_stress : float, array, callable or mapping of region to these
-        Stress of the body before anything moves, tension positive: a number, alike in all directions (a pore pressure
-        p is ``-b*p``), a symmetric tensor (d, d), or one of these for each cell, (M,) or (M, d, d); a callable gets
-        points, shape (k, d), and returns (k,) or (k, d, d). Regions that a mapping leaves out have none. On a load path
-        it stays as it is.
-    initial_strain : float, array, callable or mapping of region to these
-        Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
-        Linear materials.
     title : str
     order : int, optional
         Polynomial degree of the elements, 1 or 2.
@@ -138,6 +130,14 @@ class ContactProblem(PickleMixin, ReprMixin):
         A c that you know, with ``|v| <= c |eps(v)|`` for all displacements v that supports allow, the norms those of L2
         on the contact boundary and in the body; root of a length. Bounds of the distance to the exact solution
         that need it name it as a condition.
+    initial_stress : float, array, callable or mapping of region to these
+        Stress of the body before anything moves, tension positive: a number, alike in all directions (a pore pressure
+        p is ``-b*p``), a symmetric tensor (d, d), or one of these for each cell, (M,) or (M, d, d); a callable gets
+        points, shape (k, d), and returns (k,) or (k, d, d). Regions that a mapping leaves out have none. On a load path
+        it stays as it is.
+    initial_strain : float, array, callable or mapping of region to these
+        Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
+        Linear materials.
 
     Raises
     ------
@@ -175,23 +175,6 @@ class ContactProblem(PickleMixin, ReprMixin):
             Form.VECTOR, "force per area of boundary, by name: `traction = { top = [0.0, -2.0] }` *(f, t)*",
             key="traction", timed=True, by="boundary", table="loads",
         ) | stated_of_one(Form.QUANTITY, key="flux", timed=True, by="boundary", table="loads"),
-    )  # fmt: skip
-    initial_stress: InitialField = field(
-        default=0.0,
-        metadata=stated(
-            Form.TENSOR,
-            "stress of the body before anything moves, tension positive: a number, d lists of d numbers, or "
-            "`{ REGION = ... }` *(f, t)*",
-            key="stress", timed=True, by="region", table="loads",
-        ),
-    )  # fmt: skip
-    initial_strain: InitialField = field(
-        default=0.0,
-        metadata=stated(
-            Form.TENSOR,
-            "strain of the body without stress, such as `alpha dT` of heat: as `stress`, of linear materials *(f, t)*",
-            key="strain", timed=True, by="region", table="loads",
-        ),
     )  # fmt: skip
     title: str = ""
     order: int = field(
@@ -251,6 +234,24 @@ class ContactProblem(PickleMixin, ReprMixin):
             "for all displacements v that supports allow; norms of L2, root of a length, > 0; bounds that need it name "
             "it as a condition",
             above=0.0, table="mesh",
+        ),
+    )  # fmt: skip
+
+    initial_stress: InitialField = field(
+        default=0.0,
+        metadata=stated(
+            Form.TENSOR,
+            "stress of the body before anything moves, tension positive: a number, d lists of d numbers, or "
+            "`{ REGION = ... }` *(f, t)*",
+            key="stress", timed=True, by="region", table="loads",
+        ),
+    )  # fmt: skip
+    initial_strain: InitialField = field(
+        default=0.0,
+        metadata=stated(
+            Form.TENSOR,
+            "strain of the body without stress, such as `alpha dT` of heat: as `stress`, of linear materials *(f, t)*",
+            key="strain", timed=True, by="region", table="loads",
         ),
     )  # fmt: skip
 
