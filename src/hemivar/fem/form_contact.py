@@ -23,7 +23,7 @@ from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
 
-__all__ = ["Rows", "Touching", "TraceOf", "nearness", "rows_on", "share_nodes"]
+__all__ = ["Touching", "TraceOf", "TraceRows", "nearness", "rows_on", "share_nodes"]
 
 
 #: Newton-Cotes rules at the nodes of order 1 and 2: places in the reference cell of scikit-fem, and weights.
@@ -60,7 +60,7 @@ def nearness(mesh: ScikitFem) -> float:
     return SAME * float(np.ptp(mesh.p, axis=1).max())
 
 
-def rows_on(basis: ScikitFem, name: str, facets: IntArray | None, trace: TraceOf | None, at: str | int) -> Rows:
+def rows_on(basis: ScikitFem, name: str, facets: IntArray | None, trace: TraceOf | None, at: str | int) -> TraceRows:
     """What touches at the points of a rule on facets, or on the cells of a region where there are none."""
     mesh, order = basis.mesh, _order_of(basis.elem)
     if facets is None:
@@ -87,7 +87,7 @@ def rows_on(basis: ScikitFem, name: str, facets: IntArray | None, trace: TraceOf
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class TraceRows:
     """What touches at m places, component by component, before the normals are chosen."""
 
     rows: sp.csr_array  # (m * c, N)
@@ -102,13 +102,13 @@ class Rows:
     def components(self) -> int:
         return int(self.rows.shape[0]) // len(self.weights)
 
-    def take(self, chosen: BoolArray) -> Rows:
+    def take(self, chosen: BoolArray) -> TraceRows:
         """Some of the points."""
         normals = None if self.normals is None else self.normals[chosen]
         rows = sp.csr_array(self.rows[np.repeat(chosen, self.components)])
-        return Rows(rows, self.weights[chosen], self.points[chosen], normals, self.area, self.sharp[chosen])
+        return TraceRows(rows, self.weights[chosen], self.points[chosen], normals, self.area, self.sharp[chosen])
 
-    def merged(self, near: float) -> Rows:
+    def merged(self, near: float) -> TraceRows:
         """Places that coincide are one; weights are added, rows and normals are means by their weights."""
         with IMPORTS:
             from scipy.spatial import cKDTree
@@ -126,7 +126,7 @@ class Rows:
         rows.data[np.abs(rows.data) < 1e-12 * np.abs(rows.data).max(initial=0.0)] = 0.0
         rows.eliminate_zeros()
         normals = None if self.normals is None else mean @ self.normals
-        return Rows(rows, weights, self.points[first], normals, self.area, self.sharp[first])
+        return TraceRows(rows, weights, self.points[first], normals, self.area, self.sharp[first])
 
     def touching(self, name: str, contact: Contact, free: IntArray, number: tuple[int, tuple[str, ...]]) -> Touching:
         """The contact points of a contact that is the ``number[0]``th of the names ``number[1]``."""
@@ -192,7 +192,7 @@ class Touching:
             return BoundaryContact(points, gap, still, law.at(where), self.blocked)
 
 
-def share_nodes(rows: dict[str, Rows], near: float) -> None:
+def share_nodes(rows: dict[str, TraceRows], near: float) -> None:
     """Where two contacts have a node, the first has it if they meet smoothly; at a sharp corner neither rubs."""
     with IMPORTS:
         from scipy.spatial import cKDTree
@@ -235,7 +235,7 @@ def _first_field(first: ScikitFem, *others: ScikitFem) -> ScikitFem:
     return first
 
 
-def _rows(local: ScikitFem, trace: TraceOf | None, name: str) -> Rows:
+def _rows(local: ScikitFem, trace: TraceOf | None, name: str) -> TraceRows:
     """The trace of every basis function at the points of a rule on cells or facets."""
     touching: TraceOf = _first_field if trace is None else trace
     points = np.asarray(local.global_coordinates())
@@ -256,7 +256,7 @@ def _rows(local: ScikitFem, trace: TraceOf | None, name: str) -> Rows:
     outward = None if normals is None else np.asarray(normals).reshape(dim, -1).T
     weights = np.asarray(local.dx).ravel()
     still, area = np.zeros(weights.size, dtype=bool), outward is None
-    return Rows(matrix, weights, points.reshape(dim, -1).T, outward, area, still)
+    return TraceRows(matrix, weights, points.reshape(dim, -1).T, outward, area, still)
 
 
 def _traced(

@@ -27,7 +27,7 @@ from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.contact_points import join
 from hemivar.fem.discretize import friction_warning
-from hemivar.fem.form_contact import Rows, Touching, TraceOf, nearness, rows_on, share_nodes
+from hemivar.fem.form_contact import Touching, TraceOf, TraceRows, nearness, rows_on, share_nodes
 from hemivar.fem.form_field import ScikitFem, form_field, nearest_nodes, rows_of
 from hemivar.fem.mixed_bulk import MixedBulk, refuse_skew
 from hemivar.fem.supports import in_words
@@ -422,7 +422,7 @@ class FormProblem(PickleMixin):
         groups = [seen.at(name, contacts[name]) for name, seen in self._touching.items()]
         return join(groups, chosen, values)
 
-    def _seen(self, name: str, contact: Contact) -> Rows:
+    def _seen(self, name: str, contact: Contact) -> TraceRows:
         if not isinstance(contact, Contact):
             raise ProblemError(f"contact['{name}'] is {described(contact)}; give a hemivar.Contact")
         if contact.obstacle is not None or contact.against or callable(contact.belt) or np.any(contact.belt):
