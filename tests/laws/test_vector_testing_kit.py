@@ -39,7 +39,7 @@ def test_the_law_to_be_spoiled_is_good() -> None:
         ("local_argmin", lambda r: (1.0 + 1e-6) * r, "off the graph"),
         ("prox", lambda r: r + 0.01, "prox is the global minimiser"),
         ("local_minimiser", lambda r: r + 1e-3, "local_minimiser is a stationary point that is not higher"),
-        ("prox_jacobian", lambda blocks: 0.9 * blocks, "prox_jacobian is the derivative of prox"),
+        ("on_graph", lambda on: replace(on, jacobian=0.9 * on.jacobian), "prox_jacobian is the derivative of prox"),
         ("nearest_multiplier", lambda lam: lam + 0.01, "the nearest multiplier is an element"),
         ("on_graph", lambda on: replace(on, r=1.01 * on.r), "on_graph finds pairs of the law"),
     ],
