@@ -40,8 +40,8 @@ DIGITS = 9
 #: Part of the largest of what a solve leaves that tells nothing: the default tolerance of one.
 SOLVED = 1e-9
 #: Part of the largest from which something counts that follows from what was solved for: a thousand times what a solve
-#: leaves.  With half of it, and of the other parts here, tests/discrete find the same, but that a residual which rounding
-#: explains is excused to half as much.
+#: leaves.  With half of it, and of the other parts here, tests/discrete find the same, but that half as much of a
+#: residual is excused that rounding explains.
 COUNTS = 1e-6
 #: Part of the largest of what is summed up that is rounding: 4500 times that of one number, which a sum of as many
 #: products may reach, and products of a few matrices on a mesh stay below.  Any value from 1e-14 on gives the same
