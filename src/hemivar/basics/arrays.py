@@ -41,10 +41,12 @@ DIGITS = 9
 #: Part of the largest of what a solve leaves that tells nothing: the default tolerance of one.
 SOLVED = 1e-9
 #: Part of the largest from which something counts that follows from what was solved for: a thousand times what a solve
-#: leaves, as much as the bodies of the tests, of shape and stiffness as they are met, may make of it.
+#: leaves.  With half of it, and of the other parts here, tests/discrete find the same, but that half as much of a
+#: residual is excused that rounding explains.
 COUNTS = 1e-6
 #: Part of the largest of what is summed up that is rounding: 4500 times that of one number, which a sum of as many
-#: products may reach, and products of a few matrices on a mesh stay below.
+#: products may reach, and products of a few matrices on a mesh stay below.  Any value from 1e-14 on gives the same
+#: answers in tests/fem, and any one up to 1e-9 in tests/laws/coupled.
 ROUNDED = 1e-12
 #: Part of the largest pivot, eigenvalue or entry below which one counts as zero: rounding of up to a million terms.
 NULL = 1e-10
