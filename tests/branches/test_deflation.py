@@ -91,4 +91,4 @@ def test_a_start_that_is_lost_is_not_solved_once_more(monkeypatch: pytest.Monkey
     monkeypatch.setattr("hemivar.branches.search.solve", lost)
     search.run(NonsmoothNewton(), np.zeros((1, 1)))
     assert len(tolerances) == 1
-    assert not search.found
+    assert not search.solutions

@@ -25,7 +25,7 @@ __all__ = ["results"]
 #: Tasks for each process from which the first one is a small part.
 _MANY = 8
 #: Work that is left, in what all processes take to begin, for which they do.  A sweep of 2.2 s that was left took 6.6 s
-#: of two processors instead of 3.3, 1.7 for each process to begin; at 3 and more it gains a fifth of the time.
+#: of two processors instead of 3.3, 1.7 for each process to begin.  From 3 on these figures predict less time.
 _GAIN = 3.0
 
 Task = TypeVar("Task")
