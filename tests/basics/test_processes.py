@@ -38,6 +38,7 @@ def at_work(seconds: float) -> int:
 def test_little_work_is_done_here() -> None:
     assert set(results(at_work, [0.001] * 20, 2, 0.1)) == {os.getpid()}
     assert set(results(at_work, [0.01] * 16, 2, 0.06)) == {os.getpid()}  # after six or seven 0.1 is left
+    assert set(results(at_work, [0.01] * 16, 2, 0.03)) == {os.getpid()}  # 0.13 is little beside two beginnings
 
 
 @pytest.mark.slow
