@@ -230,7 +230,7 @@ class Fit(PickleMixin):
         """Plain numbers, lists and strings for JSON; what is infinite or not known is null."""
         data = self.measurements
         return {
-            "parameters": dict(zip([one.key for one in self.parameters], self.rows(), strict=True)),
+            "parameters": plain(dict(zip([one.key for one in self.parameters], self.rows(), strict=True))),
             "confidence": self.confidence,
             "noise": self.noise,
             "misfit": self.misfit,

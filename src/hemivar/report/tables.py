@@ -21,7 +21,6 @@ from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.rows import Rows
 from hemivar.basics.types import Record
 from hemivar.basics.units import Units
-from hemivar.bounds import AdaptiveSolution
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 from hemivar.workflows.comparison import energy_norm_difference
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table as RichTable
 
-__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "adaptive_table", "comparison_table", "study_table", "sweep_table"]
+__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table", "study_table", "sweep_table"]
 
 
 @dataclass(frozen=True)
@@ -243,25 +242,6 @@ def _escape(text: str) -> str:
     plain = "".join(c if c.isprintable() else " " for c in text)
     marked = re.sub(r"([\\`*_\[\]|~$])", r"\\\1", html.escape(plain, quote=False))
     return marked.replace("://", ":&#47;/").replace("www.", "www&#46;").replace("@", "&#64;")  # which are links bare
-
-
-def adaptive_table(adaptive: AdaptiveSolution, *, title: str = "") -> Table:
-    """The meshes of an adaptive solve: the rows of :meth:`hemivar.bounds.AdaptiveSolution.rows`.
-
-    ``guaranteed`` is 1 where the relative bound is one, 0 where it is an estimate.
-
-    Parameters
-    ----------
-    adaptive : AdaptiveSolution
-    title : str
-        For LaTeX.
-
-    Returns
-    -------
-    Table
-    """
-    rows = adaptive.rows()
-    return Table(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 
 #: What stands for characters that LaTeX takes for commands.

@@ -305,7 +305,7 @@ class Study(ReprMixin, PickleMixin):
             "norms": {name: plain(self.norms[name]) for name in self.quantities},
             "orders": {name: plain(self.orders[name]) for name in self.quantities},
             "interrupted": self.interrupted,
-            "meshes": self.rows()[:],
+            "meshes": plain(self.rows()[:]),
         }
 
     @property
