@@ -12,7 +12,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, Record
 
-__all__ = ["Column", "Rows", "plain", "two_decimals"]
+__all__ = ["Column", "ResultRows", "plain", "two_decimals"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(Sequence[Record]):
+class ResultRows(Sequence[Record]):
     """The rows of a result, each a record of its values by their names."""
 
     columns: tuple[Column, ...]

@@ -25,7 +25,7 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
-from hemivar.basics.rows import Column, Rows, plain
+from hemivar.basics.rows import Column, ResultRows, plain
 from hemivar.basics.types import Array, Record
 from hemivar.bounds.adaptive_end import AdaptiveEnd
 from hemivar.bounds.exact_distance import ExactDistance, exact_distance
@@ -195,13 +195,13 @@ class AdaptiveSolution(ReprMixin):
             return math.nan
         return float(-np.polyfit(n, np.log(bound), 1)[0])
 
-    def rows(self) -> Rows:
+    def rows(self) -> ResultRows:
         """A row for each mesh: unknowns, energy, relative bound and its parts (in units of ``|u|_a``), c, seconds.
 
         With a goal also, for each component, its value, interval, corrected value and the spread of that.
         """
         rows = [level.row() for level in self.levels]
-        return Rows(tuple(Column(name, [row[name] for row in rows], name) for name in rows[0]))
+        return ResultRows(tuple(Column(name, [row[name] for row in rows], name) for name in rows[0]))
 
     def record(self) -> Record:
         """Plain numbers and strings for JSON: how it ended, every mesh and the goal; what is not finite is null."""

@@ -18,7 +18,7 @@ from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
-from hemivar.basics.rows import Rows
+from hemivar.basics.rows import ResultRows
 from hemivar.basics.types import Record
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
@@ -57,7 +57,7 @@ PAPER_TABLE_1: Mapping[str, PaperRow] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text and numbers with a heading.
+    """ResultRows of text and numbers with a heading.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Table:
                 )
 
     @classmethod
-    def of(cls, rows: Rows, title: str = "", *, units: Units | None = None, brief: bool = False) -> Table:
+    def of(cls, rows: ResultRows, title: str = "", *, units: Units | None = None, brief: bool = False) -> Table:
         """The table of the rows of a result, whole or brief, with the units in its headings."""
         units, kept = Units() if units is None else units, []
         for column in rows.columns:
