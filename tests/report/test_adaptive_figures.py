@@ -20,7 +20,7 @@ from hemivar.errors import ProblemError
 from hemivar.files import write_vtu
 from hemivar.gallery import survey, survey_cube
 from hemivar.report import plot_adaptive, plot_meshes, save
-from hemivar.report.tables import adaptive_table
+from hemivar.report.tables import Table
 from tests import bodies
 
 from .test_picture_figures import texts
@@ -116,7 +116,7 @@ def test_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_table(found: AdaptiveSolution, tmp_path: Path) -> None:
-    file = adaptive_table(found).write_csv(tmp_path / "a.csv")
+    file = Table.of(found.rows()).write_csv(tmp_path / "a.csv")
     rows = list(csv.DictReader(file.open()))
     assert [int(row["unknowns"]) for row in rows] == [level.unknowns for level in found.levels]
     assert float(rows[-1]["relative_bound"]) == found.distance.relative

@@ -12,7 +12,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, Record
 
-__all__ = ["Column", "Rows", "plain", "two_decimals"]
+__all__ = ["Column", "ResultRows", "plain", "two_decimals"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(Sequence[Record]):
-    """The rows of a result, each a record of plain values."""
+class ResultRows(Sequence[Record]):
+    """The rows of a result, each a record of its values by their names."""
 
     columns: tuple[Column, ...]
 
@@ -50,16 +50,21 @@ class Rows(Sequence[Record]):
         for column in self.columns:
             value = column.values[index]
             if column.key and value is not ...:
-                (record.setdefault(column.within, {}) if column.within else record)[column.key] = plain(value)
+                (record.setdefault(column.within, {}) if column.within else record)[column.key] = _own(value)
         return record
 
     def by_name(self) -> Record:
         """The values of each column of records by its name."""
-        return {column.key: list(column.values) for column in self.columns if column.key}
+        named: Record = {}
+        for column in self.columns:
+            parts = np.asarray(column.values).T if np.ndim(column.values) == 2 else [column.values]  # type: ignore[arg-type]
+            ends = [f"_{number + 1}" for number in range(len(parts))] if len(parts) > 1 else [""]
+            named |= {column.key + end: list(part) for end, part in zip(ends, parts, strict=False) if column.key}
+        return named
 
     def cells(self, column: Column) -> list[object]:
         """The cells of a column in a table: empty where there is no number."""
-        values = [value.item() if isinstance(value, np.generic) else value for value in column.values]
+        values = [_own(value) for value in column.values]
         known = [None if value is ... or value != value else value for value in values]
         return known if column.cell is None else [None if one is None else column.cell(one) for one in known]
 
@@ -69,12 +74,22 @@ def two_decimals(value: object) -> object:
     return round(value, 2) if isinstance(value, float) else value
 
 
+def _own(value: object) -> object:
+    """A number of Python for one of NumPy; of a table in a record its own copy."""
+    return dict(value) if isinstance(value, dict) else value.item() if isinstance(value, np.generic) else value
+
+
 def plain(value: object) -> object:
-    """A value for a file: numbers of Python, None where one is not finite; lists and texts as they are."""
+    """Lists, numbers and strings; numbers that are not finite become None."""
+    if isinstance(value, np.ndarray):
+        known = value.dtype.kind in "iub" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
+        return value.tolist() if known else plain(value.tolist())
     if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [plain(one) for one in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

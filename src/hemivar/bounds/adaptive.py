@@ -26,6 +26,7 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
+from hemivar.basics.rows import Column, ResultRows, plain
 from hemivar.basics.types import Array, Record
 from hemivar.bounds.adaptive_end import AdaptiveEnd
 from hemivar.bounds.exact_distance import ExactDistance, exact_distance
@@ -194,27 +195,24 @@ class AdaptiveSolution(ReprMixin):
             return math.nan
         return float(-np.polyfit(n, np.log(bound), 1)[0])
 
-    def rows(self) -> list[dict[str, float]]:
+    def rows(self) -> ResultRows:
         """A row for each mesh: unknowns, energy, relative bound and its parts (in units of ``|u|_a``), c, seconds.
 
         With a goal also, for each component, its value, interval, corrected value and the spread of that.
         """
-        return [level.row() for level in self.levels]
+        rows = [level.row() for level in self.levels]
+        return ResultRows(tuple(Column(name, [row[name] for row in rows], name) for name in rows[0]))
 
     def record(self) -> Record:
         """Plain numbers and strings for JSON: how it ended, every mesh and the goal; what is not finite is null."""
-
-        def finite(row: dict[str, float]) -> dict[str, float | None]:
-            return {name: value if math.isfinite(value) else None for name, value in row.items()}
-
         return {
             "ended": self.ended.value,
             "remedy": self.remedy,
             "rtol": self.rtol,
             "guaranteed": self.levels[-1].guaranteed,
             "reasons": list(self.distance.reasons if self.goal is None else self.goal.reasons),
-            "rate": self.rate if math.isfinite(self.rate) else None,
-            "levels": [finite(row) for row in self.rows()],
+            "rate": plain(self.rate),
+            "levels": plain(self.rows()[:]),
             "goal": None if self.goal is None else self.goal.record(),
         }
 

@@ -10,6 +10,7 @@ import numpy as np
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.rows import Column, ResultRows
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import LoadLine
@@ -263,6 +264,18 @@ class Path(PickleMixin, ReprMixin):
     def friction_force(self) -> Array:
         """Resultant of the friction on the body in local components, (k, d - 1)."""
         return np.asarray(np.einsum("m,kmc->kc", self.problem.contact.weights, friction_of(self.multiplier)))
+
+    def rows(self) -> ResultRows:
+        """A row for each point; ``stable`` is of the stretch that begins there, at the last point of the one before."""
+        columns = (
+            Column("load factor", self.load_factor, "load_factor"),
+            Column("energy", self.energy, "energy", unit="energy"),
+            Column("stable", np.append(self.stable, self.stable[-1:]), "stable"),
+            Column("normal force", self.normal_force, "normal_force", unit="force"),
+            Column(None, self.friction_force, "friction_force"),
+            Column("max penetration", self.max_penetration, "max_penetration", unit="length"),
+        )
+        return ResultRows(columns)
 
     def at(self, load_factor: float) -> list[tuple[Array, bool]]:
         """Local displacements (m, d) where the path crosses a load, in order, and whether they are stable.

@@ -13,7 +13,7 @@ from hemivar.basics.deadline import Budget, limited
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
-from hemivar.basics.rows import Column, Rows
+from hemivar.basics.rows import Column, ResultRows
 from hemivar.basics.types import Array
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SearchProgress, SolutionSearch
@@ -78,7 +78,7 @@ class SolutionSet(Sequence[Solution], ReprMixin):
         known = "all" if self.exhaustive else "perhaps not all"
         return f"SolutionSet({len(self)} solutions, {known}; energies {energies}{more}; {self.searched})"
 
-    def rows(self) -> Rows:
+    def rows(self) -> ResultRows:
         """A row for each solution: kind, energy, largest penetration or opening, forces, status, residual."""
         glued = any(one.debonding for one in self)
         depths = [(-one.penetration if glued else one.penetration).max(initial=0.0) for one in self]
@@ -95,7 +95,7 @@ class SolutionSet(Sequence[Solution], ReprMixin):
             Column(None, [one.status.value for one in self], "status"),
             Column("residual", [one.residual.relative for one in self], "residual"),
         )
-        return Rows(columns)
+        return ResultRows(columns)
 
     def __len__(self) -> int:
         return len(self.solutions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -160,8 +159,6 @@ class PathCommand(OnProblem):
         _print_path(load_path)
         quantity = fitting_quantity(load_path) if self.quantity is None else self.quantity
         record = path_record(load_path, quantity)
-        for point in record["points"]:
-            point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
         units = session.stated.units
         unit = units.force if "force" in quantity else units.length
         draw = partial(plot_path, load_path, quantity=quantity, title=session.title, unit=unit)

@@ -364,13 +364,13 @@ class _AdaptiveCommand(OnProblem):
     def _files(self, result: AdaptResult) -> Files:
         from hemivar.files import write_json, write_vtu
         from hemivar.report import plot_adaptive, plot_meshes
-        from hemivar.report.tables import adaptive_table
+        from hemivar.report.tables import Table
 
         adaptive, certificate, title = result.adaptive, result.certificate, self.session.title
         arrays = self.asked.arrays
         more, cells = {"adaptive": adaptive.record()}, {"indicator": adaptive.levels[-1].indicator}
         return {
-            "--csv": adaptive_table(adaptive).write_csv,
+            "--csv": Table.of(adaptive.rows()).write_csv,
             "--json": lambda path: [write_json(adaptive.solution, path, certificate, more, arrays), arrays],
             "--vtu": lambda path: write_vtu(adaptive.solution, path, cells),
             "--plot-error": partial(plot_adaptive, adaptive, title=title, certificate=certificate),

@@ -17,12 +17,13 @@ from hemivar.basics.disk import path_of, read_text, regular_file, shown, whole_f
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import size_in_words
 from hemivar.basics.pandas_frame import data_frame
+from hemivar.basics.rows import plain
 from hemivar.basics.types import Array, Record
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.evolution.state import EnergyBalance
-from hemivar.files.record import plain, prepared, version
+from hemivar.files.record import prepared, version
 from hemivar.files.series import write_pvd
 from hemivar.mesh.vtu_grid import BUDGET
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -14,6 +13,7 @@ import numpy as np
 
 from hemivar.basics.disk import make_folder, path_of, read_bytes, read_text, shown, whole_file, write_text
 from hemivar.basics.packed import read_arrays, write_arrays
+from hemivar.basics.rows import plain
 from hemivar.basics.types import Array, Record
 from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -25,7 +25,6 @@ __all__ = [
     "MOST_BYTES",
     "boundary_names",
     "laid_out",
-    "plain",
     "prepared",
     "read_json",
     "result_record",
@@ -165,22 +164,6 @@ def _tangential(values: Array) -> Array | None:
     if values.shape[1] == 1:
         return values[:, 0]
     return values if values.shape[1] > 1 else None
-
-
-def plain(value: object) -> object:
-    """Lists, numbers and strings; numbers that are not finite become None."""
-    if isinstance(value, np.ndarray):
-        known = value.dtype.kind in "iub" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
-        return value.tolist() if known else plain(value.tolist())
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def laid_out(value: object, margin: str = "") -> str:

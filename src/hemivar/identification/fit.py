@@ -17,7 +17,7 @@ from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.defined_above import above
 from hemivar.basics.last_used import Recent
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.rows import Column, Rows, plain
+from hemivar.basics.rows import Column, ResultRows, plain
 from hemivar.basics.types import Array, Record
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.identification.experiment import Experiment
@@ -214,7 +214,7 @@ class Fit(PickleMixin):
         """Of each parameter, whether the curve tells its size: a standard error of at most half of it."""
         return tuple((self.standard_errors <= _KNOWN * np.abs(self.values)).tolist())
 
-    def rows(self) -> Rows:
+    def rows(self) -> ResultRows:
         """A row for each parameter: value, interval, standard error, and whether the curve tells it."""
         low, high = np.where(np.isfinite(self.intervals), self.intervals, np.nan).T
         columns = (
@@ -232,13 +232,13 @@ class Fit(PickleMixin):
             Column("identified", self.identified, "identified", cell=lambda sure: "yes" if sure else "no"),
             Column(None, [(one.low, one.high) for one in self.parameters], "range"),
         )
-        return Rows(columns)
+        return ResultRows(columns)
 
     def record(self) -> Record:
         """Plain numbers, lists and strings for JSON; what is infinite or not known is null."""
         data = self.measurements
         return {
-            "parameters": dict(zip([one.key for one in self.parameters], self.rows(), strict=True)),
+            "parameters": plain(dict(zip([one.key for one in self.parameters], self.rows(), strict=True))),
             "confidence": self.confidence,
             "noise": self.noise,
             "misfit": self.misfit,

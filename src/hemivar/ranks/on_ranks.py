@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from hemivar.basics.disk import make_folder, shown, try_output, whole_file
+from hemivar.basics.rows import plain
 from hemivar.basics.types import Array, IntArray
 from hemivar.certificates import Certificate
 from hemivar.errors import FileError
 from hemivar.evolution.history import Frame
-from hemivar.files.record import laid_out, plain, prepared, result_record
+from hemivar.files.record import laid_out, prepared, result_record
 from hemivar.files.series import Series
 from hemivar.files.snapshot import Snapshot, snapshot
 from hemivar.files.vtu import (

@@ -38,7 +38,7 @@ from hemivar.report.picture import png
 from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.style import MANY_CELLS
 from hemivar.report.sweep_figures import plot_sweep
-from hemivar.report.tables import Table, adaptive_table, study_table, sweep_table
+from hemivar.report.tables import Table, study_table, sweep_table
 from hemivar.solvers import Solution, Status
 from hemivar.solvers.contact_states import state_words
 from hemivar.workflows.study import Study
@@ -340,7 +340,7 @@ def _sweep(sweep: Sweep) -> _Shown:
 
 
 def _adaptive(adaptive: AdaptiveSolution) -> _Shown:
-    whole = adaptive_table(adaptive)
+    whole = Table.of(adaptive.rows())
     kept = [k for k, name in enumerate(whole.columns) if name in _OF_A_MESH]
     table = Table(tuple(whole.columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in whole.rows))
     heading = f"Adaptive solution: {adaptive.ended}, asked for {_number(adaptive.rtol)}"
@@ -449,24 +449,10 @@ def frame_of(value: object) -> DataFrame:
     return data_frame({"name": [row[0] for row in rows], "value": [row[1] for row in rows]}, "repr(value)")
 
 
-def _path_record(path: Path) -> Record:
-    friction = {f"friction_force_{k + 1}": values for k, values in enumerate(path.friction_force.T)}
-    if len(friction) == 1:
-        friction = {"friction_force": path.friction_force[:, 0]}
-    return {
-        "load_factor": path.load_factor,
-        "energy": path.energy,
-        "stable": np.append(path.stable, path.stable[-1:]),
-        "max_penetration": path.max_penetration,
-        "normal_force": path.normal_force,
-        **friction,
-    }
-
-
 _RECORDS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
-    Path: (_path_record, "path.load_factor, path.energy, path.normal_force"),
+    Path: (lambda path: path.rows().by_name(), "path.load_factor, path.energy, path.normal_force"),
     SolutionSet: (lambda found: found.rows().by_name(), "solutions.energies"),
     Study: (lambda study: study_table(study).record(), "hemivar.report.study_table(study)"),
     Sweep: (lambda sweep: sweep_table(sweep).record(), "hemivar.report.sweep_table(sweep)"),
-    AdaptiveSolution: (lambda adaptive: adaptive_table(adaptive).record(), "found.rows()"),
+    AdaptiveSolution: (lambda adaptive: adaptive.rows().by_name(), "found.rows()"),
 }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.arguments import expecting
+from hemivar.basics.rows import plain
 from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
 from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
@@ -59,20 +60,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
     none does; ``interpolated`` that the place after a jump is none of a solution.
     """
     chosen = _quantity(quantity)
-    value = _along(path, chosen)
-    stable = np.append(path.stable, path.stable[-1:])
-    points = [
-        {
-            "load_factor": float(path.load_factor[i]),
-            "energy": float(path.energy[i]),
-            "stable": bool(stable[i]),
-            "normal_force": float(path.normal_force[i]),
-            "friction_force": path.friction_force[i].tolist(),
-            "max_penetration": float(path.max_penetration[i]),
-            "value": float(value[i]),
-        }
-        for i in range(len(path))
-    ]
+    points = [{**row, "value": value} for row, value in zip(path.rows(), _along(path, chosen).tolist(), strict=True)]
     jumps = [
         {
             "load_factor": jump.load_factor,
@@ -90,7 +78,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
         "limit_load": path.limit_load,
         "first_instability": path.first_instability,
         "quantity": quantity,
-        "points": points,
+        "points": plain(points),
         "folds": [
             {"load_factor": fold.load_factor, "point": fold.index, "single_point": fold.snaps} for fold in path.folds
         ],

@@ -18,10 +18,9 @@ from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
-from hemivar.basics.rows import Rows
+from hemivar.basics.rows import ResultRows
 from hemivar.basics.types import Record
 from hemivar.basics.units import Units
-from hemivar.bounds import AdaptiveSolution
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 from hemivar.workflows.comparison import energy_norm_difference
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table as RichTable
 
-__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "adaptive_table", "comparison_table", "study_table", "sweep_table"]
+__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table", "study_table", "sweep_table"]
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ PAPER_TABLE_1: Mapping[str, PaperRow] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text and numbers with a heading.
+    """ResultRows of text and numbers with a heading.
 
     Attributes
     ----------
@@ -81,7 +80,7 @@ class Table:
                 )
 
     @classmethod
-    def of(cls, rows: Rows, title: str = "", *, units: Units | None = None, brief: bool = False) -> Table:
+    def of(cls, rows: ResultRows, title: str = "", *, units: Units | None = None, brief: bool = False) -> Table:
         """The table of the rows of a result, whole or brief, with the units in its headings."""
         units, kept = Units() if units is None else units, []
         for column in rows.columns:
@@ -243,25 +242,6 @@ def _escape(text: str) -> str:
     plain = "".join(c if c.isprintable() else " " for c in text)
     marked = re.sub(r"([\\`*_\[\]|~$])", r"\\\1", html.escape(plain, quote=False))
     return marked.replace("://", ":&#47;/").replace("www.", "www&#46;").replace("@", "&#64;")  # which are links bare
-
-
-def adaptive_table(adaptive: AdaptiveSolution, *, title: str = "") -> Table:
-    """The meshes of an adaptive solve: the rows of :meth:`hemivar.bounds.AdaptiveSolution.rows`.
-
-    ``guaranteed`` is 1 where the relative bound is one, 0 where it is an estimate.
-
-    Parameters
-    ----------
-    adaptive : AdaptiveSolution
-    title : str
-        For LaTeX.
-
-    Returns
-    -------
-    Table
-    """
-    rows = adaptive.rows()
-    return Table(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 
 #: What stands for characters that LaTeX takes for commands.

@@ -9,7 +9,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
-from hemivar.basics.rows import Column, Rows
+from hemivar.basics.rows import Column, ResultRows
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
@@ -106,7 +106,7 @@ class Comparison:
 
     __repr__ = brief
 
-    def rows(self) -> Rows:
+    def rows(self) -> ResultRows:
         """A row for each method: how it ended, time, steps, evaluations, residual, energy and difference."""
         attempts, solutions = self.attempts, [one.solution for one in self.attempts]
         energies = [None if one is None else one.energy for one in solutions]
@@ -121,7 +121,7 @@ class Comparison:
             Column("difference", [one.difference for one in attempts], "difference"),
             Column(None, [one.note for one in attempts], "note"),
         )
-        return Rows(columns)
+        return ResultRows(columns)
 
 
 @expecting(options=CompareOptions)

@@ -22,7 +22,7 @@ from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
-from hemivar.basics.rows import Column, Rows, plain, two_decimals
+from hemivar.basics.rows import Column, ResultRows, plain, two_decimals
 from hemivar.basics.types import Array, BoolArray, Record
 from hemivar.basics.user_code import checked_code
 from hemivar.bounds import exact_distance
@@ -260,7 +260,7 @@ class Study(ReprMixin, PickleMixin):
         """
         return {name: observed_order(self.sizes[self.trusted], self.errors(name)[self.trusted]) for name in QUANTITIES}
 
-    def rows(self, *, relative: bool = False) -> Rows:
+    def rows(self, *, relative: bool = False) -> ResultRows:
         """A row for each mesh: size, unknowns, errors, orders from the mesh before, bound, energy, force, status.
 
         ``relative``: errors and the bound in tables over the norms of the reference.
@@ -296,7 +296,7 @@ class Study(ReprMixin, PickleMixin):
             ),
             Column("status", status, brief=None if self.converged else ...),
         ]
-        return Rows(tuple(columns))
+        return ResultRows(tuple(columns))
 
     def record(self) -> Record:
         """Plain numbers, lists and strings for JSON; what is not finite is null."""
@@ -305,7 +305,7 @@ class Study(ReprMixin, PickleMixin):
             "norms": {name: plain(self.norms[name]) for name in self.quantities},
             "orders": {name: plain(self.orders[name]) for name in self.quantities},
             "interrupted": self.interrupted,
-            "meshes": self.rows()[:],
+            "meshes": plain(self.rows()[:]),
         }
 
     @property

@@ -20,7 +20,7 @@ from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.processes import results
-from hemivar.basics.rows import Column, Rows
+from hemivar.basics.rows import Column, ResultRows
 from hemivar.basics.types import Array
 from hemivar.basics.user_code import checked_code
 from hemivar.branches import SolutionsOptions
@@ -230,7 +230,7 @@ class Sweep(ReprMixin):
         """The values of the parameters at a point."""
         return tuple(axis.values[i] for axis, i in zip(self.axes, point.place, strict=True))
 
-    def rows(self) -> Rows:
+    def rows(self) -> ResultRows:
         """A row for each point: parameters, numbers of solutions and of minimisers, margin, the lowest solution."""
         points = self.points
         values = [[one if isinstance(one, int | float | str) else str(one) for one in self.values(p)] for p in points]
@@ -247,7 +247,7 @@ class Sweep(ReprMixin):
             Column("force", [_lowest(point.forces) for point in points], "force", unit="force"),
             Column("note" if any(notes) else None, notes, "note"),
         ]
-        return Rows(tuple(columns))
+        return ResultRows(tuple(columns))
 
     def _grid(self, number: Callable[[SweepPoint], float]) -> Array:
         grid = np.full(self.shape, np.nan)
