@@ -77,9 +77,6 @@ class JoinedLaw(VectorLaw):
     def _count(self) -> int:
         return sum(index.size for index in self.indices)
 
-    def at(self, points: Array | None) -> JoinedLaw:
-        return self
-
     def take(self, index: IntArray) -> VectorLaw:
         index = np.atleast_1d(np.asarray(index, dtype=np.int64))
         owner, inner = np.empty(self._count, dtype=np.int64), np.empty(self._count, dtype=np.int64)

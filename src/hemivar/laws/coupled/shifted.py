@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,9 +34,6 @@ class LawBeside(VectorLaw):
     def seen(self, r: Array) -> Array:
         """Displacements as the base sees them."""
         return r
-
-    def at(self, points: Array | None) -> Self:
-        return self
 
     def asymptotic_curvature(self, sign: float) -> tuple[Array, Array]:
         return self.base.asymptotic_curvature(sign)

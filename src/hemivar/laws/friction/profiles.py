@@ -15,7 +15,6 @@ from hemivar.laws.compiled_law import LaidOut, lay_out
 from hemivar.laws.parameters import LENGTH, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.rescaled import RescaledLaw
 
 __all__ = ["ABSOLUTE_VALUE", "ExponentialWeakening", "LogarithmicWeakening", "StaticKineticProfile"]
 
@@ -64,9 +63,6 @@ class _EvenLaw(ParameterLaw):
     def _half_line(self, s: Array) -> tuple[Array, Array]:
         """First and second derivative at s = |r|."""
         return self._half(s, 1), self._half(s, 2)
-
-    def scaled(self, factor: Array | float) -> RescaledLaw:
-        return RescaledLaw(self, np.asarray(factor))
 
 
 def _along(right: BoolArray, r: Array) -> Array:
