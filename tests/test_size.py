@@ -27,7 +27,7 @@ LINES: dict[str, int] = {
     "gallery": 1367,
     "identification": 860,  # laws of the user; rows of a fit
     "kernels": 420,
-    "laws": 10597,  # memories and laws named beside their classes; the record of a constant
+    "laws": 10590,  # memories and laws named beside their classes; the record of a constant
     "linear": 1954,  # factors without copies; patterns kept for pairs
     "mechanics": 4243,  # initial stress; kinematics asked in one place; materials named beside their classes
     "mesh": 4355,  # universal files; the rule of a boundary
