@@ -360,7 +360,7 @@ class VectorLaw(PickleMixin, ABC):
         alpha_t/2 |r_t|^2`` added, j is convex."""
 
     def proof(self, constant: Constant) -> Proof:
-        """How alpha of both parts, the growth or :attr:`VectorLaw.lipschitz` is known; by default as the class states."""
+        """How alpha of both parts, growth or :attr:`VectorLaw.lipschitz` is known; by default as the class states."""
         known = in_class_of(self)
         return of_alpha(beside(known, known), lambda part: self.weak_convexity[part]) if constant == "alpha" else known
 
