@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import hemivar as hv
 from tests.fem.test_initial_load import on_glue
@@ -20,3 +21,16 @@ def test_it_stays_on_a_load_path() -> None:
         for end, problem in ((0, bare), (-1, stated)):
             solved = hv.solve(problem)
             np.testing.assert_allclose(path.local[end], solved.local, atol=1e-8 * np.abs(solved.local).max())
+
+
+def test_energy_half_way_is_that_of_half_the_load() -> None:
+    """The work of the initial stress on prescribed displacements grows with these, and is counted once."""
+    stated, half = (
+        on_glue(initial_stress=-20.0, tractions={"top": (0.0, -5.0 * part)}) for part in (1.0, 0.5)
+    )  # fmt: skip
+    stated, half = (
+        replace(one, supports={**one.supports, "right": hv.Prescribed((0.001 * part, -0.002 * part))})
+        for one, part in ((stated, 1.0), (half, 0.5))
+    )
+    found = hv.solve(hv.fem.LoadLine.of(stated).at(0.5))
+    assert found.energy == pytest.approx(hv.solve(half).energy, rel=1e-9)
