@@ -29,7 +29,7 @@ LINES: dict[str, int] = {
     "kernels": 420,
     "laws": 10590,  # memories and laws named beside their classes; the record of a constant
     "linear": 1954,  # factors without copies; patterns kept for pairs
-    "mechanics": 4243,  # initial stress; kinematics asked in one place; materials named beside their classes
+    "mechanics": 4248,  # initial stress; kinematics asked in one place; materials named beside their classes
     "mesh": 4355,  # universal files; the rule of a boundary
     "modules": 149,  # names of kinds
     "ranks": 2858,  # laws of the user

@@ -138,6 +138,8 @@ def test_initial_strain_is_what_heat_does_in_time() -> None:
     [
         ({"initial_stress": [1.0, 2.0, 3.0]}, r"initial_stress has shape \(3,\); give a number, 2 rows of 2"),
         ({"initial_stress": [[1.0, 2.0], [0.0, 1.0]]}, "initial_stress is not symmetric"),
+        ({"initial_stress": ["x", 1.0]}, "initial_stress"),
+        ({"initial_stress": [["x", 1.0], ["x"]]}, "initial_stress"),
         ({"initial_strain": {"soil": 1.0}}, "names region 'soil', which the mesh does not have"),
         ({"initial_strain": np.nan}, "initial_strain: nan is not finite"),
         ({"initial_stress": 1.0, "stiffening": True}, "not with stiffening"),
@@ -163,3 +165,17 @@ def test_a_nonlinear_body_has_an_initial_stress() -> None:
     stressed = hv.solve(replace(half(2, initial_stress=np.diag([-30.0, 0.0])), material=hencky))
     pulled = hv.solve(replace(half(2, tractions={"right": (30.0, 0.0)}), material=hencky))
     np.testing.assert_allclose(stressed.displacement, pulled.displacement, atol=1e-9)
+
+
+def test_a_function_of_a_body_of_revolution_gives_numbers() -> None:
+    """A tensor of the half section would leave the hoop stress out."""
+    stated = half(2, initial_stress=lambda x: np.zeros((len(x), 2, 2)))
+    with pytest.raises(ProblemError, match="is alike in all directions; return one number a point"):
+        hv.solve(replace(stated, material=hv.Material.young(E, NU, plane="axisymmetric")))
+
+
+def test_an_array_that_changes_later_does_not_change_the_statement() -> None:
+    stress = np.eye(2)
+    stated = half(2, initial_stress=stress)
+    stress[:] = 0.0
+    np.testing.assert_array_equal(np.asarray(stated.initial_stress), np.eye(2))

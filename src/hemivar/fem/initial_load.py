@@ -10,7 +10,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values
 from hemivar.fem.quadrature import quadrature_rule, region_masks
-from hemivar.mechanics.initial_stress import tensors_at
+from hemivar.mechanics.initial_stress import is_zero, tensors_at
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 
@@ -32,12 +32,12 @@ def initial_stress(problem: ContactProblem, points: Array, regions: Mapping[str,
     Returns that in the order of the elasticity matrix, (M, v), and that across the plane, or around the axis, (M,).
     """
     body, material, dim = problem.kinematics, problem.material, problem.mesh.dim
-    stress, across = tensors_at(problem.initial_stress, "initial_stress", points, regions)
+    stress, across = tensors_at(problem.initial_stress, "initial_stress", points, regions, body.ring)
     rows = np.zeros((len(points), dim * (dim + 1) // 2))
     rows[:, body.rows] = stress
-    if isinstance(problem.initial_strain, float) and problem.initial_strain == 0.0:
+    if is_zero(problem.initial_strain):
         return rows, across
-    tensor, thick = tensors_at(problem.initial_strain, "initial_strain", points, regions)
+    tensor, thick = tensors_at(problem.initial_strain, "initial_strain", points, regions, body.ring)
     strain = body.strain(tensor)
     rows -= np.einsum("kij,kj->ki", material.stiffness_tensor(points, regions), strain)
     if dim == 3:

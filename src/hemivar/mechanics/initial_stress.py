@@ -8,16 +8,16 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import answer
-from hemivar.basics.arrays import LARGEST
+from hemivar.basics.arrays import LARGEST, ROUNDED
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula, FormulaArray
-from hemivar.mechanics.conditions import ScalarData, check_finite
+from hemivar.mechanics.conditions import ScalarData, check_finite, plain_data
 from hemivar.mechanics.instants import at_time, depends_on_time
 from hemivar.mechanics.per_volume import refuse_unknown
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["InitialField", "checked_field", "field_at", "field_depends_on_time", "tensors_at"]
+__all__ = ["InitialField", "checked_field", "field_at", "field_depends_on_time", "is_zero", "tensors_at"]
 
 #: A number, alike in all directions; a symmetric tensor (d, d); one of these for each cell, (M,) or (M, d, d); a
 #: function of points (k, d) that returns (k,) or (k, d, d).
@@ -41,13 +41,14 @@ def checked_field(value: object, name: str, mesh: Mesh, ring: bool) -> InitialFi
 def _checked(value: object, name: str, mesh: Mesh, ring: bool) -> OneField:
     if isinstance(value, str):
         return Formula(value, name)
-    if isinstance(value, list | tuple) and any(isinstance(one, str) for row in value for one in np.atleast_1d(row)):
-        entries = [Formula(one, name) if isinstance(one, str) else float(one) for row in value for one in row]
-        value = FormulaArray(entries, (len(value), len(entries) // len(value)))
-    shape = value.shape if isinstance(value, FormulaArray) else ()
+    if isinstance(value, list | tuple) and all(isinstance(row, list | tuple) for row in value):
+        entries = [one for row in value for one in row]
+        if len({len(row) for row in value}) == 1 and any(isinstance(one, str | Formula) for one in entries):
+            value = FormulaArray([plain_data(one, name, 1) for one in entries], (len(value), len(value[0])))  # type: ignore[misc]
     if not callable(value):
-        value = check_finite(value, name, LARGEST)
-        shape = value.shape
+        value = np.array(check_finite(value, name, LARGEST))  # that does not change with what it came from
+        value.setflags(write=False)
+    shape = value.shape if isinstance(value, FormulaArray | np.ndarray) else ()
     cells, square = (mesh.number_of_cells,), (mesh.dim, mesh.dim)
     if shape not in ((), square, cells, cells + square):
         raise ProblemError(
@@ -63,8 +64,13 @@ def _checked(value: object, name: str, mesh: Mesh, ring: bool) -> OneField:
 
 
 def _refuse_skew(value: Array, name: str) -> None:
-    if value.ndim > 1 and np.abs(value - np.swapaxes(value, -1, -2)).max() > 1e-12 * np.abs(value).max():
+    if value.ndim > 1 and (np.abs(value - np.swapaxes(value, -1, -2)) > ROUNDED * np.abs(value).max(initial=0.0)).any():
         raise ProblemError(f"{name} is not symmetric; give a symmetric tensor")
+
+
+def is_zero(value: InitialField) -> bool:
+    """Whether there is no such stress or strain."""
+    return isinstance(value, float) and value == 0.0
 
 
 def field_depends_on_time(value: InitialField | None) -> bool:
@@ -80,7 +86,9 @@ def field_at(value: InitialField | None, t: float) -> InitialField | None:
     return at_time(value, t) if depends_on_time(value) else value  # type: ignore[arg-type, return-value]
 
 
-def tensors_at(value: InitialField, name: str, points: Array, regions: Mapping[str, BoolArray]) -> tuple[Array, Array]:
+def tensors_at(
+    value: InitialField, name: str, points: Array, regions: Mapping[str, BoolArray], ring: bool
+) -> tuple[Array, Array]:
     """Tensors (M, d, d) of an initial field at a point (M, d) of each cell, and their parts across the plane (M,).
 
     A number is alike in all three directions; a tensor of the plane has nothing across it.
@@ -90,6 +98,8 @@ def tensors_at(value: InitialField, name: str, points: Array, regions: Mapping[s
     for region, one in parts.items():
         here = regions[region] if region else np.ones(len(points), dtype=bool)
         given = _values(one, f"{name} of region '{region}'" if region else name, points[here])
+        if ring and given.ndim > 1:
+            raise ProblemError(f"{name} of a body of revolution is alike in all directions; return one number a point")
         if given.ndim == 1:
             across[here] += given
             given = given[:, None, None] * np.eye(points.shape[1])

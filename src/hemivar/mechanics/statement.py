@@ -38,7 +38,7 @@ from hemivar.mechanics.conditions import (
     stated_values,
 )
 from hemivar.mechanics.foundation import Contact, Side
-from hemivar.mechanics.initial_stress import InitialField, checked_field, field_at, field_depends_on_time
+from hemivar.mechanics.initial_stress import InitialField, checked_field, field_at, field_depends_on_time, is_zero
 from hemivar.mechanics.instants import depends_on_time, error_context
 from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
@@ -497,13 +497,13 @@ class ContactProblem(PickleMixin, ReprMixin):
         if self.initially_stressed and (self.kind or self.stiffening):
             what = "one component" if self.kind else "stiffening"
             raise ProblemError(f"initial stress and strain are for bodies, not with {what}; leave one of the two out")
-        if not _is_zero(self.initial_strain) and not self.material.linear:
+        if not is_zero(self.initial_strain) and not self.material.linear:
             raise ProblemError("initial_strain is for linear materials; give the initial_stress that it makes")
 
     @property
     def initially_stressed(self) -> bool:
         """Whether the body has a stress, or a strain without stress, before anything moves."""
-        return not all(_is_zero(getattr(self, name)) for name in INITIAL)
+        return not all(is_zero(getattr(self, name)) for name in INITIAL)
 
     def _plain(self, name: str, value: object) -> VectorData | ScalarData:
         """A load as plain data of as many components as the field has."""
@@ -664,10 +664,6 @@ def expect_body(problem: object, what: str, remedy: str) -> ContactProblem:
     if body.kind:
         raise ProblemError(f"{what} is a ScalarProblem; {remedy}")
     return body
-
-
-def _is_zero(value: InitialField) -> bool:
-    return isinstance(value, float) and value == 0.0
 
 
 def beyond_stiffening(problem: ContactProblem) -> str:
