@@ -58,15 +58,20 @@ def test_many_places_at_once_are_each_place(normal: Superpotential, friction: Fr
         np.testing.assert_allclose(f, chain.out_of_balance(place, on, chain.force), rtol=0.0, atol=1e-12 * size)
 
 
-def test_what_one_start_finds_is_deflated_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All starts at one place find several: kappa (r0 - r) = j'(r) has three solutions by hand."""
-    monkeypatch.setattr(SolutionSearch, "_on_graph", lambda search, k: np.array([0.05]))
+def search_of_a_spring() -> SolutionSearch:
+    """kappa (r0 - r) = j'(r), which has three solutions."""
     law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
     spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
     kept = hv.systems.Workspace()
     system = kept.condensed(spring)
     random, budget = np.random.default_rng(0), Budget(np.inf)
-    search = SolutionSearch(system, kept, chain_of(system), Controls(), 100, random, budget)
+    return SolutionSearch(system, kept, chain_of(system), Controls(), 100, random, budget)
+
+
+def test_what_one_start_finds_is_deflated_for_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All starts at one place find several: kappa (r0 - r) = j'(r) has three solutions by hand."""
+    monkeypatch.setattr(SolutionSearch, "_on_graph", lambda search, k: np.array([0.05]))
+    search = search_of_a_spring()
     assert sum(1 for _ in search.from_deflation(10)) == search.starts == 20
     found = np.array([solution.local[0, 0] for solution in search.solutions])
     assert len(found) > 1
@@ -82,12 +87,7 @@ def test_a_start_that_is_lost_is_not_solved_once_more(monkeypatch: pytest.Monkey
         tolerances.append(controls.rtol)
         return replace(hv.solve(problem), status=Status.NOT_CARRIED)
 
-    law = hv.laws.ContactLaw(hv.Softening(stiffness=2.0, limit=0.1, softening=0.9)).at(None)
-    spring = hv.DiscreteProblem.of_arrays([[0.5]], [0.225], [[1.0]], [1.0], [0.0], law)
-    kept = hv.systems.Workspace()
-    system = kept.condensed(spring)
-    random, budget = np.random.default_rng(0), Budget(np.inf)
-    search = SolutionSearch(system, kept, chain_of(system), Controls(), 100, random, budget)
+    search = search_of_a_spring()
     monkeypatch.setattr("hemivar.branches.search.solve", lost)
     search.run(NonsmoothNewton(), np.zeros((1, 1)))
     assert len(tolerances) == 1
