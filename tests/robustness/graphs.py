@@ -139,6 +139,9 @@ def normal_graph(law: Mapping[str, Any] | str, number: Number, folder: Path) -> 
         case "finite-penetration":
             k, limit = get("stiffness", None, 0.0), get("limit", None, 0.0, True)
             return Graph([0.0], [_zero, _spring(k)], upper=limit)
+        case "barton-bandis":
+            k, most = get("stiffness", None, 0.0, True), get("closure", None, 0.0, True)
+            return Graph([0.0], [_zero, lambda r: k * r * most / (most - r) if r < most else math.inf], upper=most)
         case "adhesive":
             k, strength = get("stiffness", None, 0.0, True), get("strength", None, 0.0, True)
             rigid = "compression" not in law
@@ -299,6 +302,9 @@ def slip_graph(law: Mapping[str, Any], number: Number, folder: Path) -> Graph:
             static, kinetic = get("static", 1.0), get("kinetic", 0.7)
             rate = get("rate", 1.0, 0.0, True)
             return Graph([], [lambda s: kinetic + (static - kinetic) * math.exp(-rate * max(s, 0.0))])
+        case "exponential-decay":
+            static, kinetic, decay = get("static"), get("kinetic"), get("decay", None, 0.0, True)
+            return Graph([], [lambda s: kinetic + (static - kinetic) * math.exp(-decay * max(s, 0.0))])
         case "logarithmic":
             scale = get("scale", 1.0, 0.0, True)
             return Graph([], [lambda s: 1.0 / (scale + max(s, 0.0))])

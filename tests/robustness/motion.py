@@ -214,7 +214,8 @@ class Motion:
         law = {"law": law} if isinstance(law, str) else law
         if law["law"] == "none":
             return Friction([Line(-math.inf, math.inf, 0.0, 0.0)])
-        bound = {"coulomb": law["coefficient"]} if law["law"] == "coulomb" else law.get("bound", 1.0)
+        pressed = law["law"] in ("coulomb", "exponential-decay")
+        bound = {"coulomb": law.get("coefficient", 1.0)} if pressed else law.get("bound", 1.0)
         plain = law["law"] in ("tresca", "coulomb")
         if isinstance(bound, dict):
             if not plain:

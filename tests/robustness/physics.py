@@ -621,8 +621,8 @@ class Physics:
         """The friction bound in a state."""
         if law["law"] == "none":
             return 0.0
-        if law["law"] == "coulomb":
-            coefficient = number(law["coefficient"])
+        if law["law"] in ("coulomb", "exponential-decay"):
+            coefficient = number(law.get("coefficient", 1.0))
             if not coefficient >= 0.0:
                 raise SenselessError(f"a coefficient of friction {coefficient}")
             return coefficient * max(p, 0.0)

@@ -425,6 +425,7 @@ _GRAPHS = [
     ({"law": "softening", "stiffness": 10.0, "limit": 0.1, "softening": 5.0}, 0.4, (0.0, 0.0)),
     ({"law": "capped", "stiffness": 20.0, "limit": 0.1}, 0.1, (0.0, 2.0)),
     ({"law": "finite-penetration", "stiffness": 4.0, "limit": 0.5}, 0.5, (2.0, math.inf)),
+    ({"law": "barton-bandis", "stiffness": 10.0, "closure": 0.2}, 0.1, (2.0, 2.0)),
     ({"law": "adhesive", "stiffness": 4.0, "strength": 2.0}, -0.5, (-2.0, 0.0)),
     ({"law": "adhesive", "stiffness": 4.0, "strength": 2.0}, -0.25, (-1.0, -1.0)),
     ({"law": "adhesive", "stiffness": 4.0, "strength": 2.0, "softening": 1.0}, -1.5, (-1.0, -1.0)),
@@ -451,6 +452,8 @@ def test_slip_graphs_by_hand(tmp_path: Path) -> None:
 
     assert at({"law": "logarithmic", "scale": 2.0}, 3.0) == pytest.approx((0.2, 0.2))
     assert at({"law": "slip-weakening"}, 0.0) == pytest.approx((1.0, 1.0))
+    fast = at({"law": "exponential-decay", "static": 0.5, "kinetic": 0.25, "decay": 1.0}, math.log(4.0))
+    assert fast == pytest.approx((0.3125, 0.3125))
     assert at({"law": "static-kinetic", "slip": 0.1}, 0.1) == pytest.approx((0.7, 1.0))
     assert at({"law": "slip-table", "slips": [0.0, 1.0], "values": [1.0, 0.5]}, 0.5) == pytest.approx((0.75, 0.75))
     with pytest.raises(SenselessError):

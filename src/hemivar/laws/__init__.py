@@ -29,6 +29,7 @@ from hemivar.laws.description import LawDescription, LawKink
 from hemivar.laws.friction import (
     Coulomb,
     CoulombBound,
+    ExponentialDecay,
     Friction,
     Logarithmic,
     NoFriction,
@@ -60,6 +61,7 @@ from hemivar.laws.memory import (
 )
 from hemivar.laws.normal import (
     Adhesive,
+    BartonBandis,
     Bilateral,
     Capped,
     Compliance,
@@ -79,6 +81,7 @@ from hemivar.laws.vector_law import Linearisation, VectorLaw
 
 __all__ = [
     "Adhesive",
+    "BartonBandis",
     "BenzeggaghKenane",
     "Bilateral",
     "BilinearCohesion",
@@ -92,6 +95,7 @@ __all__ = [
     "CoupledFunctionLaw",
     "DampedContact",
     "ExponentialCohesion",
+    "ExponentialDecay",
     "FinitePenetration",
     "FormulaLaw",
     "FractureCriterion",

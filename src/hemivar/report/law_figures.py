@@ -169,6 +169,8 @@ def draw_graph(panel: Axes, law: Superpotential, description: LawDescription, re
     highest = 0.0
     for r in _pieces(description, reach):
         slope = law.derivative(r)
+        if np.isinf(law.derivative(np.array([r[-1] + 1e-3 * (r[-1] - r[0])]))).any():  # no end: most of it is drawn
+            r, slope = (values[: int(0.9 * len(r))] for values in (r, slope))
         highest = max(highest, float(np.abs(slope).max()))
         panel.plot(r, slope, color=BLUE, lw=1.5)
     ends = (abs(s) for kink in description.kinks for s in (kink.left, kink.right) if math.isfinite(s))

@@ -4,6 +4,7 @@ from hemivar.laws.friction.bounds import CoulombBound, PenetrationBound, StateBo
 from hemivar.laws.friction.friction_law import Friction, OrthotropicFriction, SlipMeasure, friction_in_increments
 from hemivar.laws.friction.named_frictions import (
     Coulomb,
+    ExponentialDecay,
     Logarithmic,
     NoFriction,
     SlipTable,
@@ -22,6 +23,7 @@ __all__ = [
     "ABSOLUTE_VALUE",
     "Coulomb",
     "CoulombBound",
+    "ExponentialDecay",
     "ExponentialWeakening",
     "Friction",
     "Logarithmic",

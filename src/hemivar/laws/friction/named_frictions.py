@@ -16,7 +16,16 @@ from hemivar.laws.own.formula_law import FORMULA, FormulaLaw
 from hemivar.laws.own.table_law import EXTEND, TABLE, check_points, even_table, read_law_table
 from hemivar.laws.parameters import FRICTION, LENGTH, numbers, parameter, positive
 
-__all__ = ["Coulomb", "Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKinetic", "Tresca"]
+__all__ = [
+    "Coulomb",
+    "ExponentialDecay",
+    "Logarithmic",
+    "NoFriction",
+    "SlipTable",
+    "SlipWeakening",
+    "StaticKinetic",
+    "Tresca",
+]
 
 
 @named(
@@ -146,6 +155,44 @@ def SlipWeakening(  # noqa: N802 - a law, named as the others are
     array([0.946, 0.7  ])
     """
     return Friction(bound, ExponentialWeakening(static, kinetic, rate), of=of)
+
+
+@named(
+    LawKind.FRICTION,
+    "exponential-decay",
+    "Coulomb friction that falls with the slip rate from coefficient static to kinetic, exponentially",
+    "friction (kinetic + (static - kinetic) exp(-decay rate)) times the pressure",
+)
+@stating(
+    static=parameter("coefficient at rest", "1", 0.5, least=0.0),
+    kinetic=parameter("coefficient of fast slip", "1", 0.3, least=0.0),
+    decay=positive("how fast it falls with the slip rate", "time/length", 1.0),
+)
+def ExponentialDecay(static: Parameter, kinetic: Parameter, decay: Parameter) -> Friction:  # noqa: N802
+    """Coulomb's law whose coefficient falls with the slip rate v: kinetic + (static - kinetic) exp(-decay v).
+
+    Parameters
+    ----------
+    static : number, array or function
+        Coefficient at rest.
+    kinetic : number, array or function
+        Coefficient of fast slip.
+    decay : number, array or function
+        One over a slip rate.
+
+    Returns
+    -------
+    Friction
+        Of the slip rate: it belongs to a problem in time. A problem at rest reads the slip in its place.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> friction = hv.laws.ExponentialDecay(0.5, 0.3, decay=2.0)
+    >>> friction.profile.derivative([1e-9, 0.5, 10.0]).round(3)
+    array([0.5  , 0.374, 0.3  ])
+    """
+    return Friction(CoulombBound(1.0), ExponentialWeakening(static, kinetic, decay), of=SlipMeasure.RATE)
 
 
 @named(

@@ -1,5 +1,6 @@
 """Normal laws by name: monotone ones, and foundations that break."""
 
+from hemivar.laws.normal.barton_bandis import BartonBandis
 from hemivar.laws.normal.breaking import Adhesive, Capped, Layered, SawTooth, Softening
 from hemivar.laws.normal.monotone import (
     Bilateral,
@@ -12,6 +13,7 @@ from hemivar.laws.normal.monotone import (
 
 __all__ = [
     "Adhesive",
+    "BartonBandis",
     "Bilateral",
     "Capped",
     "Compliance",
