@@ -129,7 +129,7 @@ def test_where_a_support_holds_the_body_heat_flows_as_beside_it() -> None:
     own = discrete.problem.contact.points
     assert own is not None
     for pressed in (own[:, 0] == 0.5, own[:, 0] == 1.0):
-        law = discrete.heat.law(exchange.law, 0.3 * pressed, 0.3 * pressed)
+        law = discrete.heat.law(exchange.law, 0.3 * pressed, 0.3 * pressed, np.zeros(len(x)))
         flow = law.normal.derivative(np.full(exchange.contact_points, 0.5))
         near = np.maximum(x[:, 0], 0.5)
         np.testing.assert_allclose(flow, np.where(np.isin(near, own[pressed, 0]), 5.0 * 0.5, 0.0))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, History, Scheme, march
 from hemivar.mechanics.thermal import Heat, HeatContact
 from tests import bodies
@@ -93,6 +95,58 @@ def test_steady_conduction_through_a_contact() -> None:
     np.testing.assert_allclose(foot, th, rtol=1e-8)
     assert history["normal_force"][-1] == pytest.approx(beta * 0.5 * (th + top), rel=1e-8)
     closed(history)
+
+
+TABLES = HeatContact.touching(
+    pressures=[0.0, 0.1, 0.4], conductances=[0.2, 1.0, 1.6], temperatures=[0.0, 40.0], factors=[1.0, 0.2]
+)
+
+
+@pytest.mark.parametrize(
+    "conductance",
+    [TABLES, lambda r, p, warm: np.interp(p, TABLES.pressures, TABLES.conductances) * (1.0 - 0.02 * warm)],
+    ids=["tables", "function"],
+)
+@pytest.mark.parametrize("order", [1, slow(2)])
+def test_steady_conduction_by_tables_of_pressure_and_temperature(conductance: Any, order: int) -> None:
+    """The same with h from tables at the pressure and at the mean of both temperatures."""
+    k, top, outside, a = 2.0, 30.0, 5.0, 1e-3
+    lam, mu = 3.0, 2.0
+    problem = block(contact={"bottom": hv.Contact(hv.Signorini())}, order=2)
+    heat = Heat(
+        k, 1.0, expansion=a, supports={"top": top}, temperature=lambda x: top * x[:, 1],
+        contact={"bottom": HeatContact(conductance, temperature=outside)},
+    )  # fmt: skip
+    scheme = hv.evolution.ImplicitEuler() if order == 1 else hv.evolution.Midpoint()
+    until, step = (400.0, 20.0) if order == 1 else (3.0, 0.02)
+    history = march(Evolution(problem, heat=heat), until, step=step, scheme=scheme, controls=FINE)
+    found = history.frames[-1].temperature
+    assert found is not None
+    foot = found[problem.mesh.nodes(2)[:, 1] == 0.0]
+    beta = (3.0 * lam + 2.0 * mu) * a
+    low, high = outside, top
+    for _ in range(200):
+        th = 0.5 * (low + high)
+        p, warm = beta * 0.5 * (th + top), 0.5 * (th + outside)
+        h = float(np.interp(p, [0.0, 0.1, 0.4], [0.2, 1.0, 1.6]) * (1.0 - 0.02 * warm))
+        low, high = (th, high) if k * (top - th) > h * (th - outside) else (low, th)
+    assert 0.1 < p < 0.4
+    np.testing.assert_allclose(foot, th, rtol=1e-8 if order == 1 else 1e-6)
+    closed(history)
+
+
+@pytest.mark.parametrize(
+    ("tables", "match"),
+    [
+        ({"pressures": [0.0, 1.0], "conductances": [1.0]}, "2 and 1 numbers"),
+        ({"temperatures": [1.0, 1.0], "factors": [1.0, 2.0]}, "increase"),
+        ({"pressures": [0.0], "conductances": [-1.0]}, "not negative"),
+        ({"closed": 1.0, "pressures": [0.0], "conductances": [1.0]}, "give one"),
+    ],
+)
+def test_tables_of_a_conductance_are_looked_at(tables: dict[str, Any], match: str) -> None:
+    with pytest.raises(ProblemError, match=match):
+        HeatContact.touching(**tables)
 
 
 def test_conduction_needs_contact() -> None:

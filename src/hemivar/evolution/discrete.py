@@ -109,8 +109,13 @@ class DiscreteHeat(PickleMixin):
         """Nodal heat (nodes,) that a change (n + k,) of the displacement makes."""
         return np.asarray(-self.heat.coupling * (self.pull.T @ change))
 
-    def law(self, stated: VectorLaw, penetration: Array, pressure: Array) -> VectorLaw:
-        """The exchange of heat where the body has penetration and pressure (m,)."""
+    @property
+    def depends_on_temperature(self) -> bool:
+        """Whether a conductance depends on the temperatures of both sides."""
+        return any(one.depends_on_temperature for one in self.heat.contact.values())
+
+    def law(self, stated: VectorLaw, penetration: Array, pressure: Array, temperature: Array) -> VectorLaw:
+        """The exchange of heat at penetration and pressure (m,) of the body and the mean (q,) of both temperatures."""
         here = self.partner >= 0
         parts: list[tuple[VectorLaw, int]] = []
         for name, index in self.conduction.blocks:
@@ -121,7 +126,7 @@ class DiscreteHeat(PickleMixin):
             met = here[index]
             r, p = np.zeros(index.size), np.zeros(index.size)
             r[met], p[met] = penetration[self.partner[index[met]]], pressure[self.partner[index[met]]]
-            h = np.where(met, one.conductances(r, p), 0.0)[:, None]
+            h = np.where(met, one.conductances(r, p, temperature[index]), 0.0)[:, None]
             zero = np.zeros_like(h)
             law = PiecewiseQuadratic(zero, np.hstack([h, h]), zero, name="conductance")
             parts.append((ContactLaw(law).at(None), index.size))

@@ -72,10 +72,11 @@ def _under(heat: DiscreteHeat, stated: DataInTime, course: _Course) -> DataInTim
     return ChangedData(stated, lambda acting, time: replace(acting, load=acting.load + heat.load(course.at(time))))
 
 
-def _given(heat: DiscreteHeat, stated: DataInTime, power: Array, law_at: tuple[Array, Array]) -> DataInTime:
+def _given(heat: DiscreteHeat, stated: DataInTime, power: Array, law_at: tuple[Array, Array, Array]) -> DataInTime:
     """What acts on heat, with what the motion gives it.
 
-    Nodal power (nodes,), and penetration and pressure (m,) of the contact points of the body.
+    Nodal power (nodes,), penetration and pressure (m,) of the contact points of the body, and the mean temperature of
+    both sides (q,) of those of the heat.
     """
     conduction = heat.conduction
     more = np.concatenate([conduction.field.basis.T @ power, power[conduction.moved]])
@@ -169,8 +170,25 @@ class ThermalStepper(TimeStepper):
         power = np.zeros(self.heat.conduction.field.basis.shape[0])
         if taken is not None:
             power += (self.heat.rubbed(self._rubbed(taken)) + self._deformed(taken)) / step
-        data = _given(self.heat, self.flow.data, power, self._met(before, taken, step))
-        return self.flow.take_under(data, before.heat.state, step, reached)
+        met, warm = self._met(before, taken, step), before.heat.state
+        known = self._mean_of_sides(warm)
+        (rule,), mean = self.flow.scheme.rules(step), known
+        for _ in range(_ROUNDS):
+            data = _given(self.heat, self.flow.data, power, (*met, mean))
+            flowed = self.flow.take_under(data, warm, step, reached)
+            if flowed.status is not Status.CONVERGED or not self.heat.depends_on_temperature:
+                return flowed
+            after = known + rule.at * (self._mean_of_sides(flowed.state) - known)
+            if np.abs(after - mean).max(initial=0.0) <= self.heat.heat.rtol * np.abs(after).max(initial=0.0):
+                return flowed
+            mean = after
+        worst = replace(flowed.solutions[-1], status=Status.NOT_CONTRACTING)
+        return replace(flowed, solutions=(*flowed.solutions[:-1], worst), advice=_UNMET)
+
+    def _mean_of_sides(self, warm: TimeState) -> Array:
+        """The mean temperature (q,) of both sides at the contact points of the heat."""
+        nodes = self.heat.conduction.problem.contact.node
+        return self.heat.temperature(warm.body.displacement)[nodes] - 0.5 * warm.local.displacement[:, 0]
 
     def _met(self, before: TimeState, taken: StepResult | None, step: float) -> tuple[Array, Array]:
         """Penetration and pressure (m,) at the stage of heat; pressures are known at the stages of the motion."""

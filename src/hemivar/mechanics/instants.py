@@ -28,6 +28,7 @@ __all__ = [
     "law_at_time",
     "law_depends_on_time",
     "refuse_time",
+    "takes_arguments",
 ]
 
 Quantity = TypeVar("Quantity")
@@ -37,15 +38,19 @@ def depends_on_time(value: object) -> bool:
     """Whether a quantity of a statement, a number, an array, a formula or a function, depends on time."""
     if isinstance(value, Formula | FormulaArray):
         return "t" in value.variables
-    if not callable(value) or isinstance(value, Instant):
-        return False
+    return callable(value) and not isinstance(value, Instant) and takes_arguments(value, 2, "t")
+
+
+def takes_arguments(function: Callable[..., object], count: int, name: str) -> bool:
+    """Whether a function wants that many arguments: the last has no default, or this name."""
     try:
-        parameters = list(inspect.signature(value).parameters.values())
+        parameters = list(inspect.signature(function).parameters.values())
     except (TypeError, ValueError):  # some functions of compiled modules tell nothing of themselves
         return False
     places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     taken = [parameter for parameter in parameters if parameter.kind in places]
-    return len(taken) > 1 and (taken[1].default is inspect.Parameter.empty or taken[1].name == "t")
+    last = taken[count - 1] if len(taken) >= count else None
+    return last is not None and (last.default is inspect.Parameter.empty or last.name == name)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ heat flow out of the body  h (th - th_R) - share |lam_tau . r_tau'|             
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from hemivar.basics.arguments import described, number, suggest
 from hemivar.basics.arrays import LARGEST, real_array
+from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.stated import Form, stated
 from hemivar.basics.types import Array
@@ -24,7 +25,7 @@ from hemivar.laws.consistency import check_own
 from hemivar.mechanics.conditions import ScalarData, plain_data
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.gradient_energy import Coefficient
-from hemivar.mechanics.instants import law_depends_on_time
+from hemivar.mechanics.instants import law_depends_on_time, takes_arguments
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import Regional, checked_per_volume, refuse_unknown
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem
@@ -32,7 +33,7 @@ from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = ["ContactConductance", "Heat", "HeatContact"]
 
-Conductance = float | Callable[[Array, Array], object]
+Conductance = float | Callable[..., object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,8 @@ class HeatContact(PickleMixin):
     ----------
     conductance : float or callable
         h: heat per area, time and degree. A callable gets penetration and pressure of the contact points, each (m,),
-        and returns (m,); :meth:`touching` makes one that conducts where there is contact only.
+        and the mean temperature of both sides if it takes three arguments, and returns (m,); :meth:`touching` makes
+        one that conducts where there is contact only.
     temperature : float or callable
         th_R of the foundation; a callable gets points (k, d), and the time if it takes two arguments.
     share : float or None
@@ -62,7 +64,12 @@ class HeatContact(PickleMixin):
     """
 
     conductance: Conductance = field(
-        default=0.0, metadata=stated(Form.OWN, "a number, or `{ closed = 0.5, per_pressure = 0.1, exponent = 1.0 }`")
+        default=0.0,
+        metadata=stated(
+            Form.OWN,
+            "a number, or `{ closed = 0.5, per_pressure = 0.1, exponent = 1.0 }`, or tables `{ pressures = [0, 10], "
+            "conductances = [0, 5], temperatures = [20, 300], factors = [1, 0.7] }`",
+        ),
     )
     temperature: ScalarData = field(
         default=0.0, metadata=stated(Form.QUANTITY, "temperature of the foundation *(f, t)*", timed=True)
@@ -122,9 +129,24 @@ class HeatContact(PickleMixin):
         object.__setattr__(self, "share", share)
 
     @staticmethod
-    def touching(closed: float, per_pressure: float = 0.0, exponent: float = 1.0) -> ContactConductance:
-        """A conductance ``closed + per_pressure p^exponent`` where the body is pressed on, and none elsewhere."""
-        return ContactConductance(closed, per_pressure, exponent)
+    @known_keywords
+    def touching(
+        closed: float = 0.0,
+        per_pressure: float = 0.0,
+        exponent: float = 1.0,
+        *,
+        pressures: Sequence[float] = (),
+        conductances: Sequence[float] = (),
+        temperatures: Sequence[float] = (),
+        factors: Sequence[float] = (),
+    ) -> ContactConductance:
+        """A conductance where the body is pressed on, and none elsewhere.
+
+        It is ``closed + per_pressure p^exponent``, or the table of ``conductances`` at ``pressures``; times that of
+        ``factors`` at the mean ``temperatures`` of both sides. Tables are linear between their points.
+        """
+        tables = (tuple(values) for values in (pressures, conductances, temperatures, factors))
+        return ContactConductance(closed, per_pressure, exponent, *tables)
 
     @property
     def law(self) -> Superpotential:
@@ -141,8 +163,15 @@ class HeatContact(PickleMixin):
         """Whether the conductance depends on penetration or pressure."""
         return callable(self.conductance)
 
-    def conductances(self, penetration: Array, pressure: Array) -> Array:
-        """h at contact points, shape (m,).
+    @property
+    def depends_on_temperature(self) -> bool:
+        """Whether the conductance depends on the temperatures of both sides."""
+        if isinstance(self.conductance, ContactConductance):
+            return bool(self.conductance.temperatures)
+        return callable(self.conductance) and takes_arguments(self.conductance, 3, "temperature")
+
+    def conductances(self, penetration: Array, pressure: Array, temperature: Array) -> Array:
+        """h at contact points, shape (m,); the temperature is the mean of both sides.
 
         Raises
         ------
@@ -151,7 +180,8 @@ class HeatContact(PickleMixin):
         """
         if not callable(self.conductance):
             return np.full(penetration.shape, self.conductance)
-        values = real_array(self.conductance(penetration, pressure), "the conductance", finite=False)
+        state = (penetration, pressure, temperature)[: 3 if self.depends_on_temperature else 2]
+        values = real_array(self.conductance(*state), "the conductance", finite=False)
         if values.shape not in ((), penetration.shape):
             raise ProblemError(
                 f"the conductance has shape {values.shape} at {penetration.size} points; return one each"
@@ -163,11 +193,18 @@ class HeatContact(PickleMixin):
 
 @dataclass(frozen=True)
 class ContactConductance(PickleMixin):
-    """A conductance that is there where the body is pressed on: ``closed + per_pressure p^exponent`` for p > 0."""
+    """A conductance where the body is pressed on: ``closed + per_pressure p^exponent`` for p > 0, or by tables.
 
-    closed: float = field(metadata=stated(Form.NUMBER, "the conductance where there is contact"))
+    See :meth:`HeatContact.touching`.
+    """
+
+    closed: float = field(default=0.0, metadata=stated(Form.NUMBER, "the conductance where there is contact"))
     per_pressure: float = field(default=0.0, metadata=stated(Form.NUMBER))
     exponent: float = field(default=1.0, metadata=stated(Form.NUMBER))
+    pressures: Sequence[float] = field(default=(), metadata=stated(Form.LIST))
+    conductances: Sequence[float] = field(default=(), metadata=stated(Form.LIST))
+    temperatures: Sequence[float] = field(default=(), metadata=stated(Form.LIST))
+    factors: Sequence[float] = field(default=(), metadata=stated(Form.LIST))
 
     def __post_init__(self) -> None:
         for name in ("closed", "per_pressure", "exponent"):
@@ -175,10 +212,27 @@ class ContactConductance(PickleMixin):
             if not 0.0 <= given < LARGEST or (name == "exponent" and given == 0.0):
                 raise ProblemError(f"{name} = {given:g} of a conductance; it must not be negative")
             object.__setattr__(self, name, given)
+        for at, of in (("pressures", "conductances"), ("temperatures", "factors")):
+            places, values = (real_array(getattr(self, name), f"{name} of a conductance", 1) for name in (at, of))
+            if places.size != values.size or (np.diff(places) <= 0.0).any() or (values < 0.0).any():
+                raise ProblemError(
+                    f"{at} and {of} of a conductance are {places.size} and {values.size} numbers; give equally many, "
+                    f"{at} that increase and {of} that are not negative"
+                )
+            object.__setattr__(self, at, tuple(places.tolist()))
+            object.__setattr__(self, of, tuple(values.tolist()))
+        if self.pressures and (self.closed or self.per_pressure):
+            raise ProblemError("a conductance has both a table of pressures and closed or per_pressure; give one")
 
-    def __call__(self, penetration: Array, pressure: Array) -> Array:
+    def __call__(self, penetration: Array, pressure: Array, temperature: Array | None = None) -> Array:
         pressed = np.maximum(pressure, 0.0)
-        return np.where(pressure > 0.0, self.closed + self.per_pressure * pressed**self.exponent, 0.0)
+        if self.pressures:
+            values = np.interp(pressed, self.pressures, self.conductances)
+        else:
+            values = self.closed + self.per_pressure * pressed**self.exponent
+        if self.temperatures and temperature is not None:
+            values = values * np.interp(temperature, self.temperatures, self.factors)
+        return np.where(pressure > 0.0, values, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
