@@ -483,7 +483,7 @@ def test_tables_that_are_too_deep_are_refused(deep: str) -> None:
 def test_laws_by_name() -> None:
     assert isinstance(normal_law("survey", q_max=0.3), ThresholdCompliance)
     assert friction_law("tresca", bound=0.5).bound == 0.5
-    with pytest.raises(ProblemError, match="law 'glue' is not known; the laws are adhesive, bilateral"):
+    with pytest.raises(ProblemError, match="law 'glue' is not known; the laws are adhesive, barton-bandis"):
         normal_law("glue")
     with pytest.raises(ProblemError, match="needs the parameter q_max"):
         normal_law("survey")

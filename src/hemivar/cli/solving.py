@@ -47,7 +47,7 @@ __all__ = [
     "pictures_of",
 ]
 
-_ADAPTIVE = ("--goal", "--max-unknowns", "--max-memory", "--csv", "--plot-error", "--plot-meshes")
+_ADAPTIVE = ("--goal", "--max-unknowns", "--max-memory", "--plot-error", "--plot-meshes")
 
 
 class SolveCommand(OnProblem):
@@ -79,7 +79,9 @@ class SolveCommand(OnProblem):
     ] = None
     max_unknowns: Annotated[int | None, option("Limit of unknowns of adaptive meshes (300000).", of="N")] = None
     max_memory: Annotated[float | None, option("Limit of memory of adaptive meshes (what is free).", of="GIB")] = None
-    csv: opt.Csv = None
+    csv: Annotated[
+        opt.File, written("Write the contact points as CSV; with --adaptive the meshes.", "FILE.csv")
+    ] = None
     plot_error: Annotated[opt.File, written("Draw the error against the unknowns (adaptive).")] = None
     plot_meshes: Annotated[opt.File, written("Draw the meshes, coarse to fine (adaptive).")] = None
     given: opt.Given = None
@@ -99,7 +101,7 @@ class SolveCommand(OnProblem):
             if self._value(name) is not None:
                 raise ProblemError(f"{name} goes with --adaptive; give both, or leave it out")
         if self.engine == "petsc":
-            self.refuse("scipy", "--method", "--arrays", "--exact", "--load-factor", "--plot", "--plot-contact")
+            self.refuse("scipy", "--method", "--arrays", "--csv", "--exact", "--load-factor", "--plot", "--plot-contact")
             if self.resume and self.checkpoint is None:
                 raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
         else:
@@ -160,6 +162,8 @@ class SolveCommand(OnProblem):
 
     def _files(self, result: RunResult) -> Files:
         """Data before pictures, and what may end the process last."""
+        from hemivar.files import write_csv
+
         solution, certificate, units = result.solution, result.certificate, self.writer.units
         more = {"units": units} if units else None
         return {
@@ -167,6 +171,7 @@ class SolveCommand(OnProblem):
                 self.backend.write_json(solution, path, certificate, more, self.arrays),
                 self.arrays,
             ],
+            "--csv": lambda path: write_csv(solution, path, self.session.stated.units),
             "--vtu": lambda path: self.backend.write_vtu(solution, path),
             **pictures_of(self.session, solution, certificate, self.colour),
         }

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import write_text
+from hemivar.basics.units import Units
 from hemivar.files.record import prepared
 from hemivar.solvers import Solution
 from hemivar.solvers.boundary_result import table_columns
@@ -23,7 +24,14 @@ def contact_columns(solution: Solution) -> dict[str, list[float | str]]:
     return {name: values.tolist() for name, values in columns.items() if not name.startswith("force")}
 
 
-def write_csv(solution: Solution, path: str | Path) -> Path:
+#: What the columns are of, by their beginnings.
+_OF = {
+    **dict.fromkeys(("x", "y", "z", "gap", "penetration", "slip"), "length"),
+    **dict.fromkeys(("pressure", "friction"), "stress"),
+}
+
+
+def write_csv(solution: Solution, path: str | Path, units: Units | None = None) -> Path:
     """Write one line for each contact point, columns as in :func:`contact_columns`; returns the path.
 
     Parameters
@@ -31,12 +39,15 @@ def write_csv(solution: Solution, path: str | Path) -> Path:
     solution : Solution
     path : str or Path
         Name of the file.
+    units : Units, optional
+        Of length and stress, for the headings; numbers are not converted.
 
     Returns
     -------
     Path
     """
     path = prepared(path, ".csv")
-    columns = contact_columns(solution)
-    write_text(path, csv_text(columns, zip(*columns.values(), strict=True)))
+    columns, units = contact_columns(solution), Units() if units is None else units
+    heads = [units.head(name, _OF.get(name.partition("_")[0], "")) for name in columns]
+    write_text(path, csv_text(heads, zip(*columns.values(), strict=True)))
     return path
