@@ -7,14 +7,18 @@ from enum import StrEnum
 
 import numpy as np
 
+from hemivar.basics.arguments import suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.rows import Column, ResultRows
 from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine
 from hemivar.fem.contact_basis import nodal_depths
+from hemivar.linear.factorisation import factorise
 from hemivar.solvers.boundary_result import friction_of
 
 __all__ = ["SAME_LOAD", "Bifurcation", "Fold", "Path", "PathEnd", "PathJump"]
@@ -264,6 +268,30 @@ class Path(PickleMixin, ReprMixin):
     def friction_force(self) -> Array:
         """Resultant of the friction on the body in local components, (k, d - 1)."""
         return np.asarray(np.einsum("m,kmc->kc", self.problem.contact.weights, friction_of(self.multiplier)))
+
+    def reactions(self, support: str) -> Array:
+        """Force of a support on the body at each point, (k, d).
+
+        Raises
+        ------
+        ProblemError
+            There is no such support, or the body is not linear.
+        """
+        problem, line = self.problem, self.line
+        named = () if problem.origin is None else problem.origin.supports
+        if support not in named:
+            raise ProblemError(f"the problem has no support '{support}'{suggest(support, list(named))}")
+        if not isinstance(problem.bulk, Quadratic):
+            raise ProblemError("forces of supports along a path are those of a linear body; solve at one load instead")
+        factor, forces = factorise(problem.bulk.stiffness, np.zeros(0, dtype=np.int64)), []
+        if not factor.interior_positive:
+            raise ProblemError("forces of supports along a path need supports that hold the body without its contact")
+        for t, lam in zip(self.load_factor.tolist(), self.multiplier, strict=True):
+            here = line.at(t)
+            assert here.field is not None
+            u = factor.solve_interior(here.load - here.contact.force(lam))
+            forces.append(line.reactions(t, here.field.full(u), lam)[support])
+        return np.array(forces)
 
     def rows(self) -> ResultRows:
         """A row for each point; ``stable`` is of the stretch that begins there, at the last point of the one before."""

@@ -115,7 +115,9 @@ class PathCommand(OnProblem):
     )
     quantity: Annotated[
         str | None,
-        option("Quantity over the load: max-penetration, normal-force, ... (the one that changes most).", of="NAME"),
+        option(
+            "Quantity over the load: max-penetration, support.tip.force, ... (the one that changes most).", of="NAME"
+        ),
     ] = None
     json: opt.Json = None
     plot: Annotated[opt.File, written("Draw the path (.png, .svg or .pdf).")] = None
@@ -136,17 +138,22 @@ class PathCommand(OnProblem):
 
     def check(self) -> None:
         from hemivar.branches.path_quantities import QUANTITIES
+        from hemivar.solvers.quantities import parted
 
         check_load_factors(*self.load_factor)
-        if self.quantity is not None and self.quantity not in QUANTITIES:
+        parts = None if self.quantity is None else parted(self.quantity)
+        if self.quantity is not None and self.quantity not in QUANTITIES and (parts is None or parts[0] != "support"):
             raise ProblemError(f"quantity '{self.quantity}' is not known{suggest(self.quantity, list(QUANTITIES))}")
         _ = self.ends  # one that is not known is refused
 
     def work(self) -> Done:
-        from hemivar.report.path_diagrams import fitting_quantity, path_record, plot_path
+        from hemivar.report.path_diagrams import along, fitting_quantity, path_record, plot_path
+        from hemivar.solvers.quantities import check_quantity, parted
         from hemivar.workflows import PathOptions, path
 
         session = self.session
+        if self.quantity is not None and parted(self.quantity) is not None:
+            check_quantity(self.quantity, session.stated.problem)
         options = PathOptions(
             self.load_factor,
             self.max_points,
@@ -161,6 +168,11 @@ class PathCommand(OnProblem):
         record = path_record(load_path, quantity)
         units = session.stated.units
         unit = units.force if "force" in quantity else units.length
+        if self.quantity is not None:
+            values = along(load_path, quantity)
+            peak = max(range(len(values)), key=lambda k: abs(values[k]))
+            size = f"{quantity} {values[peak]:.6g}{unit and ' ' + unit}"
+            print(f"peak              {size} at load factor {load_path.load_factor[peak]:.6g}, point {peak}")
         draw = partial(plot_path, load_path, quantity=quantity, title=session.title, unit=unit)
         return Done({"--json": record, "--plot": draw}, load_path.reached_end, load_path.interrupted)
 

@@ -79,9 +79,7 @@ class SolveCommand(OnProblem):
     ] = None
     max_unknowns: Annotated[int | None, option("Limit of unknowns of adaptive meshes (300000).", of="N")] = None
     max_memory: Annotated[float | None, option("Limit of memory of adaptive meshes (what is free).", of="GIB")] = None
-    csv: Annotated[
-        opt.File, written("Write the contact points as CSV; with --adaptive the meshes.", "FILE.csv")
-    ] = None
+    csv: Annotated[opt.File, written("Write the contact points as CSV; with --adaptive the meshes.", "FILE.csv")] = None
     plot_error: Annotated[opt.File, written("Draw the error against the unknowns (adaptive).")] = None
     plot_meshes: Annotated[opt.File, written("Draw the meshes, coarse to fine (adaptive).")] = None
     given: opt.Given = None
@@ -101,7 +99,8 @@ class SolveCommand(OnProblem):
             if self._value(name) is not None:
                 raise ProblemError(f"{name} goes with --adaptive; give both, or leave it out")
         if self.engine == "petsc":
-            self.refuse("scipy", "--method", "--arrays", "--csv", "--exact", "--load-factor", "--plot", "--plot-contact")
+            own = ("--method", "--arrays", "--csv", "--exact", "--load-factor", "--plot", "--plot-contact")
+            self.refuse("scipy", *own)
             if self.resume and self.checkpoint is None:
                 raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
         else:

@@ -9,11 +9,15 @@ from typing import cast
 import numpy as np
 
 from hemivar.basics.arguments import described, suggest
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array
 from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Space
 from hemivar.errors import ProblemError
+from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
+from hemivar.fem.reactions import support_reactions
 from hemivar.mechanics import Clamped, ContactProblem, Fixed, Prescribed, Roller
 from hemivar.mechanics.conditions import ScalarData, Support
 
@@ -136,6 +140,21 @@ class LoadLine:
             constant=self._constant(factor, zero),
             offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )
+
+    def reactions(self, factor: float, displacement: Array, multiplier: Array) -> dict[str, Array]:
+        """Force of each support on the body at a load factor; see :func:`hemivar.fem.support_reactions`."""
+        begin, end = self._nodal_loads
+        load = (1.0 - factor) * begin + factor * end
+        return support_reactions(self.at(factor), displacement, multiplier, load)
+
+    @cached_property
+    def _nodal_loads(self) -> tuple[Array, Array]:
+        """Loads (nodes * c,) of the nodes at both ends."""
+        stated, rest = self.loaded.origin, None if self.unloaded is None else self.unloaded.origin
+        if stated is None or (self.unloaded is not None and rest is None):
+            raise ProblemError("a problem made of arrays has no supports by name; state it, and discretize it")
+        end = stated_load(stated)
+        return np.zeros_like(end) if rest is None else stated_load(rest), end
 
     def _constant(self, factor: float, zero: DiscreteProblem) -> float:
         """Energy of the prescribed displacements, but for what a nonlinear body stores in them."""

@@ -24,8 +24,12 @@ from hemivar.mechanics.statement import ContactProblem
 __all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
 
 
-def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> dict[str, Array]:
+def support_reactions(
+    problem: DiscreteProblem, displacement: Array, multiplier: Array, load: Array | None = None
+) -> dict[str, Array]:
     """Force of each support on the body, in the coordinates of the mesh; of one component force or heat flow.
+
+    ``load`` (nodes * c,) is that of the nodes where it is not the one that was stated.
 
     It is the residual of the equations that the supports took away, ``K U - F`` less the contact forces, with K, U and
     F of all nodes.  Loads, contact forces, reactions and the force of a bedding add up to zero in a solution.  Force of
@@ -44,11 +48,11 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     fixed = supports.count > 0
     mesh, order = stated.mesh, stated.order
     cells = np.flatnonzero(fixed[mesh.cell_nodes(order)].any(axis=1))
-    load = stated_load(stated).reshape(displacement.shape)
+    load = (stated_load(stated) if load is None else load).reshape(displacement.shape)
     if isinstance(problem.bulk, Potential):
         moved, size = problem.bulk.initial_forces, norm(problem.bulk.initial_sizes)
     else:
-        forces = internal_forces(stated, supports.value, cells).ravel()
+        forces = internal_forces(stated, field.prescribed.reshape(displacement.shape), cells).ravel()
         moved, size = field.basis.T @ forces, norm(forces)
     if norm(field.basis.T @ load.ravel() - moved - problem.load) > SAME * max(norm(load.ravel()), size):
         raise ProblemError(

@@ -14,12 +14,13 @@ from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
 from hemivar.errors import ProblemError
 from hemivar.fem.contact_basis import nodal_depths
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes, axes_on, drawing, legend_beside, with_unit
+from hemivar.solvers.quantities import parted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["fitting_quantity", "path_record", "plot_path"]
+__all__ = ["along", "fitting_quantity", "path_record", "plot_path"]
 
 
 #: What is drawn unless asked for otherwise: that of them which changes most along the path.
@@ -28,12 +29,21 @@ _DISPLACEMENTS = ("max-penetration", "max-opening", "max-slip")
 
 def fitting_quantity(path: Path) -> str:
     """The largest penetration, opening or slip, whichever changes most along a path: glue opens, friction slips."""
-    values = {name: _along(path, QUANTITIES[name]) for name in _DISPLACEMENTS}
+    values = {name: along(path, name) for name in _DISPLACEMENTS}
     return max(values, key=lambda name: float(np.ptp(np.maximum(values[name], 0.0))) if len(path) else 0.0)
 
 
-def _along(path: Path, chosen: PathQuantity) -> Array:
-    return _evaluated(path, chosen, path.local, path.multiplier)
+def along(path: Path, quantity: str) -> Array:
+    """A quantity at each point (k,): one of :data:`QUANTITIES`, or ``support.NAME.force``, ``support.NAME.force.x``."""
+    parts = parted(quantity)
+    if parts is None or parts[0] != "support":
+        return _evaluated(path, _quantity(quantity), path.local, path.multiplier)
+    forces = path.reactions(parts[1])
+    if parts[2] is None:
+        return np.asarray(np.linalg.norm(forces, axis=1))
+    if parts[2] >= forces.shape[1]:
+        raise ProblemError(f"quantity '{quantity}': forces have {forces.shape[1]} components; leave the last one out")
+    return forces[:, parts[2]]
 
 
 def _evaluated(path: Path, chosen: PathQuantity, local: Array, multiplier: Array) -> Array:
@@ -59,8 +69,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
     ``single_point`` tells where one contact point lets go alone, ``single_point_size`` up to which weight of a point
     none does; ``interpolated`` that the place after a jump is none of a solution.
     """
-    chosen = _quantity(quantity)
-    points = [{**row, "value": value} for row, value in zip(path.rows(), _along(path, chosen).tolist(), strict=True)]
+    points = [{**row, "value": value} for row, value in zip(path.rows(), along(path, quantity).tolist(), strict=True)]
     jumps = [
         {
             "load_factor": jump.load_factor,
@@ -110,14 +119,15 @@ def plot_path(
     ----------
     path : Path
     quantity : str
-        A name in :data:`QUANTITIES`; by default the largest penetration, opening or slip, whichever changes most.
+        A name in :data:`QUANTITIES`, or ``support.NAME.force``, of which ``.x`` takes a component; by default the
+        largest penetration, opening or slip, whichever changes most.
     title, unit : str, optional
         Title, and unit of the quantity.
     ax : matplotlib axes, optional
         Where to draw; a new figure by default.
     """
-    chosen = _quantity(fitting_quantity(path) if quantity is None else quantity)
-    x = _along(path, chosen)
+    quantity = fitting_quantity(path) if quantity is None else quantity
+    x, chosen = along(path, quantity), QUANTITIES.get(quantity)
     t = path.load_factor
     with drawing():
         fig, ax = axes_on(ax, (5.6, 3.6))
@@ -144,9 +154,9 @@ def plot_path(
         index = [point.index for point in path.bifurcations]
         if index:
             ax.plot(x[index], t[index], "D", color="black", markersize=3.0, label="bifurcation", zorder=4)
-        if chosen.of_displacement:
+        if chosen is not None and chosen.of_displacement:
             _draw_jumps(ax, path, chosen, x)
-        ax.set_xlabel(with_unit(chosen.label, unit))
+        ax.set_xlabel(with_unit(quantity if chosen is None else chosen.label, unit))
         ax.set_ylabel("load factor")
         ax.locator_params(axis="x", nbins=6)
         ax.ticklabel_format(scilimits=(-3, 4), useMathText=True)
