@@ -239,7 +239,7 @@ def test_a_row_for_each_part(values: dict[str, Any]) -> None:
     assert np.array_equal(frame["load_factor"], path.load_factor)
     assert np.array_equal(frame["normal_force"], path.normal_force)
     assert found.to_dataframe()["energy"] == list(found.energies)
-    assert study.to_dataframe()["energy error"][:-1] == list(study.errors("energy"))[:-1]
+    assert list(study.to_dataframe()["energy error"])[:-1] == list(study.errors("energy"))[:-1]
     assert values["sweep"].to_dataframe()["q_max"] == [0.0, 0.5]
     assert len(values["adaptive"].to_dataframe()["unknowns"]) == len(values["adaptive"].levels)
     certificate = values["certificate"].to_dataframe()
@@ -255,6 +255,6 @@ def test_dataframes_of_pandas(values: dict[str, Any]) -> None:
         assert isinstance(frame, pandas.DataFrame), name
         assert len(frame)
     assert values["study"].to_dataframe()["energy error"].dtype == float
-    table = report.study_table(values["study"])
+    table = report.Table.of(values["study"].rows())
     assert list(table.to_dataframe().columns) == list(table.columns)
     assert "<table>" in table._repr_html_()

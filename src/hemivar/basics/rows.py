@@ -10,7 +10,7 @@ from typing import overload
 
 import numpy as np
 
-from hemivar.basics.types import Array, Record
+from hemivar.basics.types import AnyArray, Record
 
 __all__ = ["Column", "ResultRows", "plain", "two_decimals"]
 
@@ -20,7 +20,7 @@ class Column:
     """What each row says under one name."""
 
     head: str | None  # heading in tables; None: in records alone
-    values: Sequence[object] | Array  # one for each row; ... where a row says nothing
+    values: Sequence[object] | AnyArray  # one for each row; ... where a row says nothing
     key: str = ""  # its name in records; empty: in tables alone
     within: str = ""  # the table of the record that it stands in
     brief: str | EllipsisType | None = ...  # heading in brief tables, if another one; None: not there
@@ -54,13 +54,20 @@ class ResultRows(Sequence[Record]):
         return record
 
     def by_name(self) -> Record:
-        """The values of each column of records by its name."""
+        """The values of each column of records by its name, or by its heading where it stands in a table of them."""
         named: Record = {}
         for column in self.columns:
-            parts = np.asarray(column.values).T if np.ndim(column.values) == 2 else [column.values]  # type: ignore[arg-type]
+            if not column.key or isinstance(column.values[0] if len(self) else None, dict):
+                continue
+            name = str(column.head) if column.within else column.key
+            several = isinstance(column.values, np.ndarray) and column.values.ndim == 2
+            parts = np.asarray(column.values).T if several else [column.values]
             ends = [f"_{number + 1}" for number in range(len(parts))] if len(parts) > 1 else [""]
-            named |= {column.key + end: list(part) for end, part in zip(ends, parts, strict=False) if column.key}
+            named |= {name + end: self._whole(part) for end, part in zip(ends, parts, strict=False)}
         return named
+
+    def _whole(self, values: Sequence[object] | AnyArray) -> object:
+        return values if isinstance(values, np.ndarray) else [None if one is ... else one for one in values]
 
     def cells(self, column: Column) -> list[object]:
         """The cells of a column in a table: empty where there is no number."""

@@ -6,13 +6,12 @@ import base64
 import html
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
-from hemivar.basics.types import Record
 from hemivar.bounds import AdaptiveSolution
 from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.branches import Path, SolutionSet
@@ -38,7 +37,7 @@ from hemivar.report.picture import png
 from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.style import MANY_CELLS
 from hemivar.report.sweep_figures import plot_sweep
-from hemivar.report.tables import Table, study_table, sweep_table
+from hemivar.report.tables import Table
 from hemivar.solvers import Solution, Status
 from hemivar.solvers.contact_states import state_words
 from hemivar.workflows.study import Study
@@ -308,7 +307,7 @@ def _history(history: History) -> _Shown:
     ledger, error = history.ledger, history.time_error
     rows: list[_Row] = [
         ("ended", f"{history.ended}, t = {_number(history.state.time)}"),
-        ("steps", len(history.rows) - 1),
+        ("steps", len(history.steps) - 1),
         ("frames", len(history.frames)),
         ("largest residual", history.residual),
         ("least margin", f"{_number(history.margin)}: {history.uniqueness}"),
@@ -318,7 +317,7 @@ def _history(history: History) -> _Shown:
         *(("event", f"{name} at t = {_number(time)}") for time, name in history.events[:_MOST_ROWS]),
         *(("message", sentence) for sentence in history.messages[:_MOST_ROWS]),
     ]
-    drawn = len(history.rows) > 1
+    drawn = len(history.steps) > 1
     heading = _title("History", history.discrete.problem)
     return heading, lambda: [plot_march(history)] if drawn else [], _rows(rows)
 
@@ -326,12 +325,12 @@ def _history(history: History) -> _Shown:
 def _study(study: Study) -> _Shown:
     drawn = len(study.levels) > 1
     heading = f"Study: {len(study.levels)} meshes, errors against the {study.reference}"
-    return heading, lambda: [plot_study(study)] if drawn else [], study_table(study, relative=True, brief=True)
+    return heading, lambda: [plot_study(study)] if drawn else [], Table.of(study.rows(relative=True), brief=True)
 
 
 def _sweep(sweep: Sweep) -> _Shown:
     drawn = len(sweep.axes) <= 2 and any(point.count for point in sweep.points)
-    table = sweep_table(sweep)
+    table = Table.of(sweep.rows())
     left = len(table.rows) - _MOST_ROWS
     if left > 0:
         table = Table(table.columns, table.rows[:_MOST_ROWS], f"and {left} more rows")
@@ -438,21 +437,11 @@ def show(value: object) -> None:
 def frame_of(value: object) -> DataFrame:
     """A pandas DataFrame.
 
-    A path has a row for each point, a set of solutions one for each solution, a study and an adaptive solve one for
-    each mesh, a sweep one for each choice of parameters; anything else has rows of ``name`` and ``value``, as a
-    notebook shows it.
+    What has ``rows()`` has these: a path a row for each point, a history one for each step. Anything else has rows of
+    ``name`` and ``value``, as a notebook shows it.
     """
-    for kind, (record, instead) in _RECORDS.items():
-        if isinstance(value, kind):
-            return data_frame(record(value), instead)
-    rows = table_of(value).rows
-    return data_frame({"name": [row[0] for row in rows], "value": [row[1] for row in rows]}, "repr(value)")
-
-
-_RECORDS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
-    Path: (lambda path: path.rows().by_name(), "path.load_factor, path.energy, path.normal_force"),
-    SolutionSet: (lambda found: found.rows().by_name(), "solutions.energies"),
-    Study: (lambda study: study_table(study).record(), "hemivar.report.study_table(study)"),
-    Sweep: (lambda sweep: sweep_table(sweep).record(), "hemivar.report.sweep_table(sweep)"),
-    AdaptiveSolution: (lambda adaptive: adaptive.rows().by_name(), "found.rows()"),
-}
+    rows = getattr(value, "rows", None)
+    if rows is not None:
+        return data_frame(rows().by_name(), f"rows() of the {type(value).__name__}")
+    table = table_of(value).record()
+    return data_frame(dict(zip(("name", "value"), table.values(), strict=True)), "repr(value)")
