@@ -205,4 +205,4 @@ def test_a_notebook_shows_a_history(history: History) -> None:
     shown = history._repr_html_()
     assert "data:image/png" in shown
     assert "not known" in shown
-    assert "finished, t = 1" in shown
+    assert "finished at t = 1 after" in shown

@@ -1,4 +1,4 @@
-"""Rows of a result, stated once by its columns: tables, records, files and frames are made of them (tidy data)."""
+"""Rows of a result, stated once by its columns (tidy data), and its claims: what all output is made of."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from hemivar.basics.types import AnyArray, Record
 
-__all__ = ["Column", "ResultRows", "plain", "two_decimals"]
+__all__ = ["Claim", "Column", "ResultRows", "plain", "two_decimals"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +74,26 @@ class ResultRows(Sequence[Record]):
         values = [_own(value) for value in column.values]
         known = [None if value is ... or value != value else value for value in values]
         return known if column.cell is None else [None if one is None else column.cell(one) for one in known]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One thing that a result says, as every output tells it."""
+
+    #: Before the sentence in lines, empty where it goes on; of several claims of one label the first is found by it.
+    label: str
+    sentence: str
+    #: The number, word or truth that is claimed; relative, of a distance.
+    value: object = None
+    #: Why that is an estimate, in a word or two; empty where it is proved.
+    doubt: str = ""
+    #: Whether it is left out of summaries.
+    whole: bool = False
+
+    @property
+    def size(self) -> str:
+        """What stands before a number that bounds, or estimates."""
+        return "about" if self.doubt else "at most"
 
 
 def two_decimals(value: object) -> object:

@@ -16,7 +16,7 @@ from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.rows import Column, ResultRows, plain
+from hemivar.basics.rows import Claim, Column, ResultRows, plain
 from hemivar.basics.types import Array, IntArray, Record
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
@@ -215,6 +215,39 @@ class History(PickleMixin, ReprMixin):
             return "every step has one solution only, as far as samples of the law show"
         return "every step has one solution only"
 
+    def claims(self) -> list[Claim]:
+        """How it ended, what the margins say, the energy balance, the error in time, events and messages."""
+        steps, ledger = len(self.steps) - 1, self.ledger
+        others = int(self["fallbacks"].sum()) if "fallbacks" in self.columns else 0
+        solved = f"{int(self['solver_steps'].sum())} of the solver" + (f", {others} fallbacks" if others else "")
+        after = f"at t = {self.state.time:g} after {steps} steps ({solved}), {len(self.frames)} frames"
+        claims = [Claim("status", f"{self.ended} {after}", self.ended)]
+        if not steps:
+            return claims
+        claims.append(Claim("worst residual", f"{self.residual:.1e}", self.residual))
+        lost = "; " if self.margin <= 0.0 else ", "
+        claims.append(Claim("least margin", f"{self.margin:.6g}{lost}{self.uniqueness}", self.margin))
+        if "load_factor" in self.columns:
+            factors = self["load_factor"]
+            claims.append(Claim("load factor", f"{factors[-1]:.6g} at the end, at most {factors.max():.6g}"))
+        given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
+        given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []
+        given += [f"{self.state.ledger.start:.6g} at the start"] if self.state.ledger.start else []
+        claims.append(Claim("external work", ", ".join(given)))
+        for label, names in _SUMS.items():
+            parts = [f"{name.replace('_', ' ')} {ledger[name]:.6g}" for name in names if ledger[name] != 0.0]
+            claims.append(Claim(label, ", ".join(parts) or "nothing"))
+        largest, gap = max(abs(value) for name, value in ledger.items() if name != "gap"), ledger["gap"]
+        part = abs(gap) / largest if largest > 0.0 else 0.0
+        claims.append(Claim("balance error", f"{gap:.1e}, {part:.0e} of the largest entry", gap))
+        claims.append(Claim("error in time", self.time_error.words, self.time_error.bound))
+        if "error_sum" in self.columns:
+            sums = self["error_sum"][-1], self["contact_error_sum"][-1]
+            words = f"add up to {sums[0]:.2g} in the energy norm, {sums[1]:.2g} at the contact points"
+            claims.append(Claim("errors of steps", words, sums))
+        claims += [Claim("event", f"{name} at t = {when:.6g}", when) for when, name in self.events]
+        return claims + [Claim("note", message) for message in self.messages]
+
     @property
     def residual(self) -> float:
         """Largest relative residual of all steps."""
@@ -347,5 +380,10 @@ def quantity_of(column: str) -> str:
 
 #: Columns of the energy balance.
 _ENERGIES = {part.name for part in fields(EnergyBalance)} - {"start"}
+#: What is stored at the end, and what was dissipated until then.
+_SUMS = {
+    "stored": ("elastic", "branches", "contact", "kinetic"),
+    "dissipated": ("viscous", "branch_loss", "friction", "damping", "memory", "numerical", "jumps"),
+}
 _WHOLE = ("solver_steps", "jumped", "fallbacks")
 _OWN = ("time", "step", "solver_steps", "residual", "margin", "largest_step", "jumped")
