@@ -44,7 +44,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.generators import result_of
 from hemivar.certificates import certify
-from hemivar.files import history_record, solution_record
+from hemivar.files import solution_record
 from hemivar.files.problem_file import read_problem_file
 from hemivar.gallery.survey_problems import SURVEY_DATA
 from hemivar.workflows import march as work
@@ -125,7 +125,7 @@ def record_files() -> dict[str, Any]:
             found[path.stem] = solved(hv.discretize(hv.read_problem(path)))
         else:
             history = result_of(work(evolution_of(read), plan_of(read)), lambda event: False)
-            found[path.stem] = {"end": end_of(history), "table": history_record(history)["table"]}
+            found[path.stem] = {"end": end_of(history), "table": history.to_dict()["table"]}
     return found
 
 
@@ -134,7 +134,7 @@ def kept(value: Any) -> Any:
     if isinstance(value, hv.Solution):
         return solution_record(value)
     if isinstance(value, hv.evolution.History):
-        return history_record(value)["table"]
+        return value.to_dict()["table"]
     if isinstance(value, hv.branches.Path):
         return value.to_dataframe().to_dict("list")
     if isinstance(value, dict):

@@ -150,7 +150,7 @@ def answers() -> dict[str, str]:
     said |= {"direct-powell": sentence(lambda: hv.solve(yielding_problem(), "direct-powell"))}
     constants = smallness(yielding_problem())
     said["smallness.trace_bound"] = f"{constants.trace_bound}, {constants.survey_condition}"
-    claims = {claim.label: claim.sentence for claim in hv.solve(yielding_problem()).certify().claims}
+    claims = {claim.label: claim.sentence for claim in hv.solve(yielding_problem()).certify().claims()}
     return said | {"claim": claims["survey's (H_s)"]}
 
 

@@ -31,7 +31,7 @@ def test_balances_that_no_step_asks_for() -> None:
     momentum = rigid @ discrete.mass.times(discrete.restrict(frame.velocity, np.zeros(0)))
     friction = sum(
         row.step * float(discrete.problem.contact.weights @ one.multiplier[:, 1])
-        for row, one in zip(history.rows[1:], history.frames[1:], strict=True)
+        for row, one in zip(history.steps[1:], history.frames[1:], strict=True)
     )
     tangent = discrete.problem.contact.frames[0, 1, 0]  # type: ignore[index]
     assert momentum == pytest.approx(0.25 * 4.0 / 6.0 - tangent * friction, rel=1e-8)
@@ -42,7 +42,7 @@ def test_balances_that_no_step_asks_for() -> None:
     weights[np.isin(mesh.points[bottom, 0], (0.0, 1.5))] *= 0.5
     gave = sum(
         row.step * float(weights @ (0.1 * (0.27 - one.temperature[bottom])))  # type: ignore[index]
-        for row, one in zip(history.rows[1:], history.frames[1:], strict=True)
+        for row, one in zip(history.steps[1:], history.frames[1:], strict=True)
     )
     assert history.state.heat is not None
     book = history.state.heat.book

@@ -50,7 +50,7 @@ def test_a_membrane_and_an_evolution_are_taken_as_well() -> None:
     assert hv.solve(gallery.membrane_obstacle(8)).status is hv.Status.CONVERGED
     known = gallery.relaxing_block()
     history = hv.march(known, until=0.1, step=0.05)
-    assert history.rows[-1].time == pytest.approx(0.1)
+    assert history.steps[-1].time == pytest.approx(0.1)
     with pytest.raises(ProblemError, match="what to discretize"):
         hv.discretize(known)  # an evolution is no problem at rest
 

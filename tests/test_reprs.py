@@ -71,7 +71,7 @@ def test_results_of_workflows_are_shown_shortly() -> None:
     compared = flows.result_of(flows.compare(PROBLEM))
     adapted = flows.result_of(flows.adapt(STATEMENT, flows.AdaptOptions(rtol=0.5)))
     history = hv.march(hv.Evolution(STATEMENT), 0.2, step=0.1)
-    for value in (run, compared, *compared.attempts, adapted, history.frames[0], history.rows[0], run.certificate):
+    for value in (run, compared, *compared.attempts, adapted, history.frames[0], history.steps[0], run.certificate):
         text = repr(value)
         assert len(text) <= 600, type(value).__name__
         assert "array(" not in text, type(value).__name__

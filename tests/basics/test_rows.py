@@ -34,6 +34,15 @@ def test_columns_by_their_names_are_split_where_they_hold_vectors() -> None:
     assert plain(rows.by_name()) == {"a_1": [1.0, 0.0], "a_2": [0.0, 1.0], "b": [1.0, 1.0]}
 
 
+def test_what_stands_in_a_table_of_a_record_is_named_by_its_heading_in_a_frame() -> None:
+    assert plain(ROWS.by_name()) == {
+        "h": [0.5, 0.25],
+        "error": [None, 0.125],
+        "bound": [None, None],
+        "all": [[1.0, None], []],
+    }
+
+
 def test_tables_have_headings_units_and_cells() -> None:
     assert Table.of(ROWS, "t", units=Units(length="mm")) == Table(
         ("h (mm)", "error", "margin"), ((0.5, None, -np.inf), (0.25, "0.1", 2)), "t"

@@ -37,7 +37,7 @@ from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.named_energies import Hencky
 from hemivar.mesh import box, rectangle
-from hemivar.report.tables import study_table
+from hemivar.report.tables import Table
 from hemivar.solvers import Status, solve
 from hemivar.systems import Workspace
 from tests.samples import slow
@@ -350,7 +350,7 @@ def test_one_that_is_proved_for_some_strains_makes_a_condition() -> None:
     assert study.levels[0].conditions == found.conditions
     assert study.levels[0].bound == pytest.approx(found.bound, rel=1e-6)
     assert study.levels[0].bound > study.levels[0].energy
-    assert any(str(column) == "conditional bound" for column in study_table(study).columns)
+    assert any(str(column) == "conditional bound" for column in Table.of(study.rows()).columns)
     assert "conditional bound: if strains of the exact solution" in repr(study)
 
 

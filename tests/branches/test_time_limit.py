@@ -18,5 +18,5 @@ def test_a_search_for_the_lowest_state_is_left_as_well(monkeypatch: pytest.Monke
     monkeypatch.setattr(deadline, "time", SimpleNamespace(perf_counter=lambda: float(next(ticks))))
     limited = hv.march(falling(), until=1.0, step=0.5, jump="global", max_time=100.0)
     assert limited.ended == "max_time"
-    assert len(limited.rows) == 1
+    assert len(limited.steps) == 1
     assert next(ticks) < 500  # of tens of thousands

@@ -69,7 +69,7 @@ def test_a_point_on_a_spring_unloads_to_the_origin_and_does_not_heal(law: hv.Sup
     np.testing.assert_allclose(damaged["0.opening"], 0.3, rtol=1e-10)
     np.testing.assert_allclose(1.0 - damaged["0.stiffness"] / 24.0, 5.0 / 6.0, rtol=1e-10)
     np.testing.assert_allclose(history["memory"][-1], 0.6, rtol=1e-10)
-    half = [row for row in history.rows if row.time in (1.0, 2.0, 3.0)]
+    half = [row for row in history.steps if row.time in (1.0, 2.0, 3.0)]
     for row in half:  # of G = 0.6 the half, less the triangle beneath the secant: 0.42 - 0.5 1.2 0.3 ...
         taken = 0.12 + 0.5 * (2.4 + 1.2) * 0.2 - 0.5 * 1.2 * 0.3
         assert row.values["memory"] == pytest.approx(taken, rel=1e-9)
@@ -135,13 +135,13 @@ def test_random_marches_are_those_by_hand(seed: int) -> None:
     history = hv.march(hv.Evolution(problem), 4.0, step=0.25, controls=TIGHT)
     assert history.finished
     assert np.nanmin(history["margin"]) > 0.0
-    times = [row.time for row in history.rows]
+    times = [row.time for row in history.steps]
     assert len(history.frames) == len(times)
     for frame, (local, reached) in zip(history.frames, marched_by_hand(glue, problem, times), strict=True):
         np.testing.assert_allclose(frame.local, local, atol=1e-9)
         np.testing.assert_allclose(frame.memory["0.opening"], reached, atol=1e-9)
-    done = max(abs(row.values["moved"]) for row in history.rows)
-    assert max(abs(row.values["gap"]) for row in history.rows) < 1e-10 * done
+    done = max(abs(row.values["moved"]) for row in history.steps)
+    assert max(abs(row.values["gap"]) for row in history.steps) < 1e-10 * done
     assert (np.diff(history["memory"]) >= -1e-12).all()
 
 

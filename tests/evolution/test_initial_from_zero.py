@@ -81,7 +81,7 @@ def test_a_load_begins_smoothly_over_a_gap(friction: hv.laws.Friction, step: flo
             )
         runs.append(hv.march(hv.Evolution(problem, inertia=False), until=10 * step, step=step))
         assert runs[-1].finished
-        assert len(runs[-1].rows) == 11  # no step was halved
+        assert len(runs[-1].steps) == 11  # no step was halved
     with_contact, without = (run.frames[-1].displacement for run in runs)
     assert np.abs(with_contact - without).max() <= 1e-7 * np.abs(without).max()
 
@@ -163,7 +163,7 @@ def _goes_on(seed: int) -> None:
     history = march.run()
     assert history.finished, f"{march.words}: {history.ended}, {history.messages}"
     assert history.residual < 1e-8, march.words
-    assert len(history.rows) == 11, f"{march.words}: steps were halved"
+    assert len(history.steps) == 11, f"{march.words}: steps were halved"
 
 
 @pytest.mark.parametrize("seed", range(1000, 1020))

@@ -310,7 +310,7 @@ def test_adaptive_steps_see_a_body_that_slides_as_a_whole(unit: float) -> None:
         )
         exact = 3.0 * unit - 0.15 * 9.0 * unit
         errors.append(abs(history["c.u_x"][-1] - exact) / way)
-        counts.append(len(history.rows))
+        counts.append(len(history.steps))
     assert errors[0] < 0.06
     assert errors[1] < 0.5 * errors[0]
     assert counts[1] < 300

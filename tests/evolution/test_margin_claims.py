@@ -196,7 +196,7 @@ def test_one_solution_is_said_of_steps_where_it_is_shown(contact: hv.Contact, mo
 def test_no_margin_of_a_march_without_steps() -> None:
     steep = viscous_spring(hv.Contact(hv.Softening(50.0, 0.01, 10.0)), viscous=None)
     stopped = march(steep, 0.1, step=0.1, jump="stop")
-    assert len(stopped.rows) == 1
+    assert len(stopped.steps) == 1
     assert stopped.margin == math.inf
     assert stopped.uniqueness == "no step was taken"
 

@@ -70,7 +70,7 @@ def told(monkeypatch: pytest.MonkeyPatch) -> Told:
 def test_a_body_that_keeps_its_acceleration_is_where_it_was_expected(told: Told) -> None:
     # Free fall: after the first step each step adds tau^2 g to the one before, at every point.
     history = marched_steps(falling_block(), 5)
-    assert history.rows[-1].values["contact"] == 0.0
+    assert history.steps[-1].values["contact"] == 0.0
     assert told.stages[0][2] is None
     for (stage, body, start), end in zip(told.stages[1:], ends(told, history)[1:], strict=True):
         assert start is not None
@@ -98,7 +98,7 @@ def test_most_points_that_change_their_piece_are_foreseen_and_fewer_equations_so
 
     monkeypatch.setattr(stage_solver, "predicted_contact", lambda stage, body: None)
     alone = marched_steps(survey(32), 24)
-    spared = [sum(row.solver_steps for row in one.rows) for one in (history, alone)]
+    spared = [sum(row.solver_steps for row in one.steps) for one in (history, alone)]
     assert spared[0] < spared[1]
     size = np.abs(alone.state.body.displacement).max()
     np.testing.assert_allclose(history.state.body.displacement, alone.state.body.displacement, atol=1e-8 * size)
@@ -113,7 +113,7 @@ def test_what_was_expected_wrongly_changes_no_answer(monkeypatch: pytest.MonkeyP
     usual = marched_steps(survey(16), 10)
     monkeypatch.setattr(stage_solver, "predicted_contact", contrary)
     other = marched_steps(survey(16), 10)
-    assert all(row.residual <= 5e-10 for row in other.rows[1:])
+    assert all(row.residual <= 5e-10 for row in other.steps[1:])
     size = np.abs(usual.state.body.displacement).max()
     np.testing.assert_allclose(other.state.body.displacement, usual.state.body.displacement, atol=1e-8 * size)
 

@@ -54,8 +54,8 @@ def body_on_law(law: VectorLaw, moving: bool, dim: int = 2, size: float = 1.0, *
 
 def off_the_balance(history: hv.evolution.History) -> float:
     """What is left of the balance of energy at its worst, as a part of what is done."""
-    done = max(abs(row.values["work"] + row.values["moved"]) for row in history.rows)
-    return max(abs(row.values["gap"]) for row in history.rows) / done
+    done = max(abs(row.values["work"] + row.values["moved"]) for row in history.steps)
+    return max(abs(row.values["gap"]) for row in history.steps) / done
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,7 @@ def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
     place, *_ = exact()
     assert history.ended == "finished"
     assert all(one.startswith("rtol bounds the error of one step") for one in said_of(history))
-    assert len(history.rows) < 2500
+    assert len(history.steps) < 2500
     assert np.abs(history.state.body.displacement[: place.size] - place).max() < 3e-3 * np.abs(place).max()
 
 
@@ -270,7 +270,7 @@ def test_a_march_goes_on_from_a_kink_bit_for_bit(stated: Callable[[], Evolution]
     steps = marching(stated(), replace(plan, checkpoint=kept))
     assert any(step.state.time == TOP for step in steps)  # ends it there
     resumed = march(stated(), 0.6, step=0.05, scheme=hv.evolution.Newmark(), checkpoint=kept, resume=True)
-    assert len(resumed.rows) == len(whole.rows)
+    assert len(resumed.steps) == len(whole.steps)
     for part in ("displacement", "velocity", "acceleration"):
         assert getattr(resumed.state.body, part).tobytes() == getattr(whole.state.body, part).tobytes()
     assert resumed.state.ledger == whole.state.ledger

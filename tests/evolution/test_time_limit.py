@@ -37,9 +37,9 @@ def test_a_long_step_is_left_in_the_middle(monkeypatch: pytest.MonkeyPatch) -> N
     assert asked > 20  # the clock goes on by one second whenever it is looked at
     limited = hv.march(falling(), until=1.0, step=0.5, max_time=0.8 * asked)
     assert limited.ended == "max_time"
-    assert len(limited.rows) == 2
+    assert len(limited.steps) == 2
     assert next(ticks) - asked < 0.95 * asked
-    assert limited.rows[1].values == whole.rows[1].values
+    assert limited.steps[1].values == whole.steps[1].values
     assert not any("could not be solved" in message for message in limited.messages)
 
 

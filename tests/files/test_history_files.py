@@ -149,7 +149,7 @@ def test_csv_keeps_every_bit(history: History, tmp_path: Path) -> None:
     (path,) = history.write(tmp_path / "run.csv")
     with path.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert len(rows) == len(history.rows)
+    assert len(rows) == len(history.steps)
     for name in history.columns:
         given = np.array([float(row[name]) for row in rows])
         assert np.array_equal(given, history[name], equal_nan=True)
@@ -157,6 +157,18 @@ def test_csv_keeps_every_bit(history: History, tmp_path: Path) -> None:
     again = read_history_table(path)
     assert list(again) == list(history.columns)
     assert np.array_equal(again["tip.u_y"], history["tip.u_y"])
+
+
+def test_a_row_for_each_step_has_names_whole_numbers_and_units(history: History) -> None:
+    rows = history.rows()
+    assert [row["time"] for row in rows] == [step.time for step in history.steps]
+    assert isinstance(rows[2]["solver_steps"], int)
+    assert rows[2]["tip.u_y"] == history["tip.u_y"][2]
+    units = {column.key: column.unit for column in rows.columns}
+    assert (units["time"], units["tip.u_y"], units["normal_force"], units["work"]) == (
+        "time", "length", "force", "energy",
+    )  # fmt: skip
+    assert units["residual"] == ""
 
 
 def test_names_of_columns_are_no_formulas_and_come_back(tmp_path: Path) -> None:

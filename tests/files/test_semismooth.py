@@ -16,7 +16,7 @@ def test_fallbacks_of_steps_are_in_the_table() -> None:
     found = hv.march(bounce(2, friction), 0.04, step=0.02, method=SemismoothNewton())
     assert found.finished
     assert found["fallbacks"].tolist() == [0.0, 1.0, 1.0]
-    assert hv.files.history_record(found)["table"]["fallbacks"] == [0, 1, 1]
+    assert found.to_dict()["table"]["fallbacks"] == [0, 1, 1]
 
 
 def test_fallbacks_of_a_solution_are_in_its_record() -> None:

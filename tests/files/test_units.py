@@ -13,7 +13,8 @@ from hemivar import cli
 from hemivar.basics.content import content
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
-from hemivar.files.history_table import quantity_of, read_history_table
+from hemivar.evolution.history import quantity_of
+from hemivar.files.history_table import read_history_table
 from hemivar.files.problem_file import parse_problem_file, read_problem_file, write_problem
 from hemivar.solvers import solve
 from tests.problems import square

@@ -103,7 +103,7 @@ def _tells_as_in_serial(name: str, said: dict[str, Any]) -> None:
     serial = _serial(name)
     assert tuple(said["columns"]) == serial.columns
     table = dict(zip(said["columns"], map(np.array, said["table"]), strict=True))
-    assert len(table["time"]) == len(serial.rows)
+    assert len(table["time"]) == len(serial.steps)
     energies = [column for column in serial.ledger if column != "gap"]
     energy = max(float(np.abs(serial[column]).max()) for column in energies)
     for column in serial.columns:
@@ -165,7 +165,7 @@ def test_a_jump_takes_few_steps_where_points_rest_on_laws_that_soften() -> None:
     said, serial = _over_ranks(2, *CASES)["peeled"], _serial("peeled")
     assert serial["margin"][1:].max() < -12.0
     assert serial["jumped"].sum() == 1
-    assert said["done"]["solved"] < 60 * len(serial.rows[1:])
+    assert said["done"]["solved"] < 60 * len(serial.steps[1:])
 
 
 @pytest.mark.parametrize(("name", "steps"), [("block", 4), ("thrown", 7), ("block, adaptive", 5), ("braked", 4)])

@@ -13,7 +13,7 @@ import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, History, Save, march
 from hemivar.files.film import film_of, read_film
-from hemivar.files.history_table import history_columns, read_history_table
+from hemivar.files.history_table import read_history_table
 from hemivar.report import Units, animate, plot_march, save
 from hemivar.report.animation import check_film
 from hemivar.report.march_figures import MARCH_FIGURES
@@ -60,7 +60,7 @@ def test_the_ledger_of_a_warm_body_closes() -> None:
     problem = bodies.square(hv.Compliance(20.0), 2, viscosity=(0.4, 0.4))
     heat = hv.mechanics.Heat(1.0, 1.0, expansion=0.01, source=1.0, supports={"left": 0.0})
     warm = march(Evolution(problem, heat=heat), 1.0, step=0.25)
-    table = history_columns(warm)
+    table = warm.rows().by_name()
     upper, lower = plot_march(table).axes
     put_in = next(line for line in upper.lines if line.get_label() == "external work").get_ydata()
     assert table["thermal"][-1] > 1e-5
@@ -72,7 +72,7 @@ def test_the_ledger_of_a_warm_body_closes() -> None:
 
 def test_what_was_stored_at_first_was_put_in(history: History) -> None:
     """And the balance below holds whatever the body began with."""
-    table = {name: np.array(values) for name, values in history_columns(history).items()}
+    table = {name: np.array(values) for name, values in history.rows().by_name().items()}
     table["kinetic"] = table["kinetic"] + 5.0
     upper, lower = plot_march(table).axes[:2]
     put_in = next(line for line in upper.lines if line.get_label() == "external work").get_ydata()
@@ -84,7 +84,7 @@ def test_the_length_of_a_step_is_drawn_before_its_end(history: History) -> None:
     first, _, third = plot_march(history, "steps").axes[:3]
     assert first.lines[0].get_drawstyle() == "steps-pre"
     assert np.array_equal(first.lines[0].get_xdata(), history.times[1:])
-    table = {name: np.array(values) for name, values in history_columns(history).items()}
+    table = {name: np.array(values) for name, values in history.rows().by_name().items()}
     table["margin"][1:] = -np.inf
     third = plot_march(table, "steps").axes[2]
     assert [text.get_text() for text in third.texts] == ["no bound: -inf"]
@@ -102,7 +102,7 @@ def test_a_loop_goes_through_the_moments(history: History) -> None:
     assert np.array_equal(ends[:, 0], history["tip.u_y"][1:])
     assert np.array_equal(ends[:, 1], history["normal_force"][1:])
     assert np.array_equal(lines.get_array(), history.times[1:])
-    table = dict(history_columns(history))
+    table = dict(history.rows().by_name())
     table["tip.u_x"] = 10.0 * np.arange(len(table["time"]))
     table["friction_force"] = 3.0 * table["normal_force"]
     moving = plot_march(table, "loop").axes[0]
@@ -205,4 +205,4 @@ def test_a_notebook_shows_a_history(history: History) -> None:
     shown = history._repr_html_()
     assert "data:image/png" in shown
     assert "not known" in shown
-    assert "finished, t = 1" in shown
+    assert "finished at t = 1 after" in shown

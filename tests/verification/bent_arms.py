@@ -143,7 +143,7 @@ def j_integrals(mode: float, strength: float) -> tuple[Array, Array]:
     found, forces = marched(mode, strength), Bending(mode).forces
     points = found.discrete.problem.contact.points
     assert points is not None
-    assert len(found.frames) == len(found.rows)
+    assert len(found.frames) == len(found.steps)
     upper = (found["top.u_x"] - found["upper.u_x"]) / (0.5 * HEIGHT)
     lower = (found["lower.u_x"] - found["bottom.u_x"]) / (0.5 * HEIGHT)
     middle = -(found["beyond.u_y"] - found["above.u_y"]) / 2.0

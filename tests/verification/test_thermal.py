@@ -252,7 +252,7 @@ def test_no_agreement_is_told() -> None:
     history = march(Evolution(problem, heat=heat), 1.0, step=0.5)
     assert not history.finished
     assert history.ended == "not_contracting"
-    assert len(history.rows) == 1
+    assert len(history.steps) == 1
 
 
 def test_an_exchange_that_is_not_monotone() -> None:

@@ -17,7 +17,7 @@ from hemivar import gallery
 from hemivar.errors import FileError, ProblemError
 from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.files.problem_file import parse_problem
-from hemivar.report import plot_study, study_table
+from hemivar.report import Table, plot_study
 from hemivar.workflows import StartEvent, StudyLevel, StudyOptions, result_of, studying
 from tests import bodies
 from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT
@@ -286,7 +286,7 @@ def test_what_makes_no_sense_is_refused(problem: hv.ContactProblem) -> None:
 
 
 def test_table_and_figure_show_what_was_found(exact: hv.workflows.Study) -> None:
-    table = study_table(exact, "a_b & 50%")
+    table = Table.of(exact.rows(), "a_b & 50%")
     assert len(table.rows) == 4
     errors = [row[table.columns.index("energy error")] for row in table.rows]
     np.testing.assert_allclose(errors, exact.errors("energy"), rtol=1e-15)
@@ -310,9 +310,9 @@ def test_the_guaranteed_bound_is_a_column_and_no_bound_is_below_its_error() -> N
     assert np.isfinite(found.bounds).all()
     assert (found.bounds[:-1] >= errors[:-1]).all()
     assert found.bounds[-1] < found.bounds[0]
-    column = [row[study_table(found).columns.index("guaranteed bound")] for row in study_table(found).rows]
+    column = [row[Table.of(found.rows()).columns.index("guaranteed bound")] for row in Table.of(found.rows()).rows]
     assert column == found.bounds.tolist()
-    assert "guaranteed bound" not in study_table(hv.study(square(n=2), 1)).columns
+    assert "guaranteed bound" not in Table.of(hv.study(square(n=2), 1).rows()).columns
     labels = [text.get_text() for text in plot_study(found).axes[0].get_legend().get_texts()]
     assert "energy norm, guaranteed bound" in labels
 
@@ -322,5 +322,5 @@ def test_no_bound_says_why() -> None:
     found = hv.study(replace(square(n=2), contact=coulomb), 1, exact=True)
     assert np.isinf(found.bounds).all()
     assert all(level.unbounded for level in found.levels)
-    table = study_table(found)
+    table = Table.of(found.rows())
     assert [row[table.columns.index("guaranteed bound")] for row in table.rows] == [None, None]

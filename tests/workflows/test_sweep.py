@@ -15,7 +15,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.changes import Change
 from hemivar.files.sweep_point import SweepPoint
-from hemivar.report import plot_sweep, sweep_table
+from hemivar.report import Table, plot_sweep
 from hemivar.workflows import SweepEvent, SweepOptions, result_of, sweeping
 from hemivar.workflows.sweep import SweepAxis, read_axis
 from tests.problem_files import block_file
@@ -150,7 +150,7 @@ def test_a_point_that_cannot_be_stated_has_failed_and_says_why(tmp_path: Path) -
     assert [point.failed for point in found.points] == [True, False]
     assert "[contact.bottom] friction.bound" in found.points[0].note
     assert np.isnan(found.count[0])
-    assert sweep_table(found).rows[0][-1] == found.points[0].note
+    assert Table.of(found.rows()).rows[0][-1] == found.points[0].note
     with pytest.raises(ProblemError, match=r"no point has a solution; the first: .*friction.bound"):
         hv.sweep(problem, {"contact.bottom.friction.bound": [-1.0, -2.0]})
 
@@ -237,7 +237,7 @@ def test_figures_show_margin_and_number(whole: hv.workflows.Sweep) -> None:
 
 
 def test_a_table_has_a_line_for_each_point(whole: hv.workflows.Sweep, tmp_path: Path) -> None:
-    table = sweep_table(whole)
+    table = Table.of(whole.rows())
     assert table.columns[:3] == ("r0", "alpha", "solutions")
     assert [row[2] for row in table.rows] == whole.count.ravel().tolist()
     text = table.write_csv(tmp_path / "a.csv").read_text().splitlines()

@@ -1,4 +1,4 @@
-"""Rows of a result, stated once by its columns: tables, records, files and frames are made of them (tidy data)."""
+"""Rows of a result, stated once by its columns (tidy data), and its claims: what all output is made of."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import overload
 
 import numpy as np
 
-from hemivar.basics.types import Array, Record
+from hemivar.basics.types import AnyArray, Record
 
-__all__ = ["Column", "ResultRows", "plain", "two_decimals"]
+__all__ = ["Claim", "Column", "ResultRows", "plain", "two_decimals"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Column:
     """What each row says under one name."""
 
     head: str | None  # heading in tables; None: in records alone
-    values: Sequence[object] | Array  # one for each row; ... where a row says nothing
+    values: Sequence[object] | AnyArray  # one for each row; ... where a row says nothing
     key: str = ""  # its name in records; empty: in tables alone
     within: str = ""  # the table of the record that it stands in
     brief: str | EllipsisType | None = ...  # heading in brief tables, if another one; None: not there
@@ -54,19 +54,46 @@ class ResultRows(Sequence[Record]):
         return record
 
     def by_name(self) -> Record:
-        """The values of each column of records by its name."""
+        """The values of each column of records by its name, or by its heading where it stands in a table of them."""
         named: Record = {}
         for column in self.columns:
-            parts = np.asarray(column.values).T if np.ndim(column.values) == 2 else [column.values]  # type: ignore[arg-type]
+            if not column.key or isinstance(column.values[0] if len(self) else None, dict):
+                continue
+            name = str(column.head) if column.within else column.key
+            several = isinstance(column.values, np.ndarray) and column.values.ndim == 2
+            parts = np.asarray(column.values).T if several else [column.values]
             ends = [f"_{number + 1}" for number in range(len(parts))] if len(parts) > 1 else [""]
-            named |= {column.key + end: list(part) for end, part in zip(ends, parts, strict=False) if column.key}
+            named |= {name + end: self._whole(part) for end, part in zip(ends, parts, strict=False)}
         return named
+
+    def _whole(self, values: Sequence[object] | AnyArray) -> object:
+        return values if isinstance(values, np.ndarray) else [None if one is ... else one for one in values]
 
     def cells(self, column: Column) -> list[object]:
         """The cells of a column in a table: empty where there is no number."""
         values = [_own(value) for value in column.values]
         known = [None if value is ... or value != value else value for value in values]
         return known if column.cell is None else [None if one is None else column.cell(one) for one in known]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One thing that a result says, as every output tells it."""
+
+    #: Before the sentence in lines, empty where it goes on; of several claims of one label the first is found by it.
+    label: str
+    sentence: str
+    #: The number, word or truth that is claimed; relative, of a distance.
+    value: object = None
+    #: Why that is an estimate, in a word or two; empty where it is proved.
+    doubt: str = ""
+    #: Whether it is left out of summaries.
+    whole: bool = False
+
+    @property
+    def size(self) -> str:
+        """What stands before a number that bounds, or estimates."""
+        return "about" if self.doubt else "at most"
 
 
 def two_decimals(value: object) -> object:

@@ -13,6 +13,7 @@ from hemivar.basics.deadline import Budget
 from hemivar.basics.display import brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.rows import Column, ResultRows
 from hemivar.branches.follow import PathOptions, following
 from hemivar.branches.path import SAME_LOAD, Path
 from hemivar.errors import MethodError, ProblemError
@@ -101,6 +102,18 @@ class LoadBracket:
     fold: float | None = None
 
     __repr__ = brief
+
+    def rows(self) -> ResultRows:
+        """One row: the largest load asked for, the bracket, the fold between, how it ended, and what was tried."""
+        columns = (
+            Column("up to", [self.upto], "upto"),
+            Column("carried", [self.carried], "carried"),
+            Column("not carried", [self.not_carried], "not_carried"),
+            Column("fold", [self.fold], "fold"),
+            Column("ended", [self.ended.value], "ended"),
+            Column("tried", [self.tried], "tried"),
+        )
+        return ResultRows(columns)
 
     @property
     def complete(self) -> bool:

@@ -11,7 +11,7 @@ from hemivar.basics.arguments import suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.rows import Column, ResultRows
+from hemivar.basics.rows import Claim, Column, ResultRows
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
@@ -107,6 +107,14 @@ class PathJump:
     local: Array | None
     snaps: bool = False
     interpolated: bool = False
+
+    @property
+    def words(self) -> str:
+        """Where it is, and where it leads."""
+        where = ", to no stable branch of this path" if self.local is None else ""
+        where = ", to a place that is interpolated" if self.interpolated else where
+        how = "loading" if self.loading else "unloading"
+        return f"load factor {self.load_factor:.10g} while {how}, point {self.index}{where}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,6 +312,26 @@ class Path(PickleMixin, ReprMixin):
             Column("max penetration", self.max_penetration, "max_penetration", unit="length"),
         )
         return ResultRows(columns)
+
+    def claims(self) -> list[Claim]:
+        """Its points, folds, branch points, jumps and warnings; :attr:`failure` says where the body fails."""
+        count, folds, jumps, depths = len(self.folds), self.main_folds, self.main_jumps, self.max_penetration
+        claims = [Claim("path", f"{len(self)} points, {count} folds; {self.ended}")]
+        if self.perturbed:
+            why = "several contact points changed state at the same load: this is one of several branches"
+            claims.append(Claim("", why))
+        for label, turns in (("fold", folds), ("bifurcation", self.bifurcations)):
+            claims += [Claim(label, f"load factor {t.load_factor:.10g}, point {t.index}", t.load_factor) for t in turns]
+        claims += [Claim("jump", jump.words, jump.load_factor) for jump in jumps]
+        if self.snapping is not None:
+            claims.append(Claim("single points", self.snapping))
+        if len(folds) + len(jumps) < count + len(self.jumps):
+            claims.append(Claim("", f"(of {count} folds and {len(self.jumps)} jumps in all)"))
+        if len(self):
+            rounding = 1e-12 * np.abs(depths).max()
+            low, high = (0.0 if abs(end) <= rounding else end for end in (depths.min(), depths.max()))
+            claims.append(Claim("max penetration", f"{low:.6g} to {high:.6g}"))
+        return claims + [Claim("warning", warning) for warning in self.warnings]
 
     def at(self, load_factor: float) -> list[tuple[Array, bool]]:
         """Local displacements (m, d) where the path crosses a load, in order, and whether they are stable.

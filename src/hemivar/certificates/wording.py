@@ -13,6 +13,7 @@ import numpy as np
 from hemivar.basics.arguments import expect, quoted
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.rounding import rounded_down, rounded_up
+from hemivar.basics.rows import Claim
 from hemivar.basics.types import Array, Record
 from hemivar.certificates.linear_bodies import STATED, STRESSED, UNKNOWN
 from hemivar.certificates.smallness import Smallness
@@ -24,32 +25,12 @@ from hemivar.mechanics.material_words import BoundsBy
 if TYPE_CHECKING:
     from hemivar.bounds.stated_distance import DistanceToExact
 
-__all__ = ["ESTIMATE", "Certificate", "Claim", "lower_bound_words"]
+__all__ = ["ESTIMATE", "Certificate", "lower_bound_words"]
 
 #: The method of an eigenvalue that nothing shows.
 ESTIMATE = "LOBPCG, an estimate"
 #: Characters of a line before its sentence.
 _LABEL = 18
-
-
-@dataclass(frozen=True)
-class Claim:
-    """One thing that a certificate says, as every output tells it."""
-
-    #: Before the sentence in the lines; of several claims of one label the first is found by it.
-    label: str
-    sentence: str
-    #: The number, word or truth that is claimed; relative, of a distance.
-    value: object = None
-    #: Why that is an estimate, in a word or two; empty where it is proved.
-    doubt: str = ""
-    #: Whether only the whole certificate says so.
-    whole: bool = False
-
-    @property
-    def size(self) -> str:
-        """What stands before a number that bounds, or estimates."""
-        return "about" if self.doubt else "at most"
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,17 +143,17 @@ class Certificate(ReprMixin):
             self.unique
         ]
 
-    @property
     def claims(self) -> list[Claim]:
         """All that is claimed: value, sentence, and what is in doubt; every output reads them."""
         return _claims(self)
 
     def claim(self, label: str) -> Claim:
         """The first claim of a label, such as "kind", "margin" or "distance"."""
-        labelled = [one for one in self.claims if isinstance(label, str) and one.label == label]
+        claims = self.claims()
+        labelled = [one for one in claims if isinstance(label, str) and one.label == label]
         if not labelled:
             raise ProblemError(
-                f"nothing is claimed of {quoted(label)}; choose one of {', '.join(one.label for one in self.claims)}"
+                f"nothing is claimed of {quoted(label)}; choose one of {', '.join(one.label for one in claims)}"
             )
         return labelled[0]
 
@@ -319,7 +300,7 @@ def _constants(constants: Smallness) -> Iterator[tuple[str, str]]:
 
 def _lines(certificate: Certificate, whole: bool = False) -> list[str]:
     """The certificate in lines of text: kind, bound and margin; if ``whole``, every constant."""
-    return [f"{one.label:<{_LABEL}}{one.sentence}" for one in certificate.claims if whole or not one.whole]
+    return [f"{one.label:<{_LABEL}}{one.sentence}" for one in certificate.claims() if whole or not one.whole]
 
 
 def _brief(certificate: Certificate) -> str:

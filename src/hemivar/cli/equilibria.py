@@ -11,7 +11,7 @@ from hemivar.cli import options as opt
 from hemivar.cli.command import Done, OnProblem, watched
 from hemivar.cli.options import MOST_STEPS, check_colour, check_load_factors, option, written
 from hemivar.cli.outputs import Files
-from hemivar.cli.printing import console, print_table
+from hemivar.cli.printing import console, print_table, print_unsaid
 from hemivar.cli.session import print_head
 from hemivar.cli.solving import check_drawable, colour_named, label_units, pictures_of
 from hemivar.errors import ProblemError
@@ -19,14 +19,9 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hemivar.basics.types import Array
-    from hemivar.branches import Path as EquilibriumPath
     from hemivar.branches import SolutionSet
 
 __all__ = ["BracketCommand", "PathCommand", "SolutionsCommand"]
-
-#: Folds, branch points and jumps that are printed of each, so that they stay on one screen; --json has all.
-_SHOWN = 12
 
 
 class SolutionsCommand(OnProblem):
@@ -148,6 +143,7 @@ class PathCommand(OnProblem):
 
     def work(self) -> Done:
         from hemivar.report.path_diagrams import along, fitting_quantity, path_record, plot_path
+        from hemivar.report.summary import Summary
         from hemivar.solvers.quantities import check_quantity, parted
         from hemivar.workflows import PathOptions, path
 
@@ -163,7 +159,8 @@ class PathCommand(OnProblem):
         )
         load_path = watched(path(session.stated.problem, options))
         print_head(session, load_path.problem)
-        _print_path(load_path)
+        print(f"\n{load_path.failure}")
+        print_unsaid(Summary.of(load_path.claims()).lines(), load_path.problem.notes)
         quantity = fitting_quantity(load_path) if self.quantity is None else self.quantity
         record = path_record(load_path, quantity)
         units = session.stated.units
@@ -184,43 +181,6 @@ def _named_value(text: str) -> tuple[str, float]:
         return name, float(value)
     except ValueError:
         raise ProblemError(f"--end-at is '{text}'; write NAME=VALUE, such as max-opening=0.1") from None
-
-
-def _print_path(path: EquilibriumPath) -> None:
-    """Print what the path meets."""
-    print(f"\n{path.failure}")
-    print(f"path              {len(path)} points, {len(path.folds)} folds; {path.ended}")
-    if path.perturbed:
-        print(
-            "                  several contact points changed state at the same load: this is one of several branches"
-        )
-    folds, jumps = path.main_folds, path.main_jumps
-    for fold in folds[:_SHOWN]:
-        print(f"fold              load factor {fold.load_factor:.10g}, point {fold.index}")
-    for point in path.bifurcations[:_SHOWN]:
-        print(f"bifurcation       load factor {point.load_factor:.10g}, point {point.index}")
-    for jump in jumps[:_SHOWN]:
-        how = "loading" if jump.loading else "unloading"
-        where = ", to no stable branch of this path" if jump.local is None else ""
-        where = ", to a place that is interpolated" if jump.interpolated else where
-        print(f"jump              load factor {jump.load_factor:.10g} while {how}, point {jump.index}{where}")
-    if path.snapping is not None:
-        print(f"single points     {path.snapping}")
-    if len(folds) + len(jumps) < len(path.folds) + len(path.jumps) or max(len(folds), len(jumps)) > _SHOWN:
-        print(f"                  (of {len(path.folds)} folds and {len(path.jumps)} jumps; all are in the --json file)")
-    low, high = _rounded(path.max_penetration)
-    print(f"max penetration   {low:.6g} to {high:.6g}")
-    for warning in path.warnings:
-        if warning not in path.problem.notes:  # which the head has
-            print(f"warning           {warning}")
-
-
-def _rounded(values: Array) -> tuple[float, float]:
-    """Least and largest value, 0 where it is rounding beside the other."""
-    ends = float(values.min()), float(values.max())
-    small = 1e-12 * max(abs(end) for end in ends)
-    low, high = (0.0 if abs(end) <= small else end for end in ends)
-    return low, high
 
 
 class BracketCommand(OnProblem):
@@ -255,12 +215,7 @@ class BracketCommand(OnProblem):
         print(f"\n{load_bracket}")
         record = {
             "problem": session.stated.name,
-            "upto": load_bracket.upto,
-            "carried": load_bracket.carried,
-            "not_carried": load_bracket.not_carried,
-            "fold": load_bracket.fold,
-            "ended": load_bracket.ended.value,
-            "tried": load_bracket.tried,
+            **load_bracket.rows()[0],
             "solution": solution_record(load_bracket.solution),
         }
         pictures = pictures_of(session, load_bracket.solution, None, self.colour)

@@ -15,10 +15,10 @@ from hemivar.basics.first_use import cached_property
 from hemivar.cli import options as opt
 from hemivar.cli.command import Done, OnProblem
 from hemivar.cli.engine import Engine, engine_named
-from hemivar.cli.march_view import MarchView, code_of, print_history
+from hemivar.cli.march_view import MarchView, code_of
 from hemivar.cli.options import ENGINES, check_limits, option, written
 from hemivar.cli.outputs import Files, check_outputs
-from hemivar.cli.printing import Bar
+from hemivar.cli.printing import Bar, console, print_claims
 from hemivar.cli.session import Session, naming_file, print_head
 from hemivar.errors import ProblemError
 
@@ -197,6 +197,7 @@ class MarchCommand(MarchOptions, OnProblem):
 
     def march(self) -> tuple[History, Series | None]:
         """March; returns what was found, and what wrote frames while they came."""
+        from hemivar.report.summary import Summary
         from hemivar.workflows import result_of
         from hemivar.workflows.marching import evolution_of
 
@@ -210,7 +211,7 @@ class MarchCommand(MarchOptions, OnProblem):
                 history = result_of(backend.marching(evolution, plan), lambda event: view(event) or asked())
             except backend.refusals as error:
                 raise naming_file(error, session.stated.name) from error
-        print_history(history)
+        print_claims(console(), Summary.of(history.claims()).lines(), history.ended, history.finished)
         if history.unkept:
             writer.failed.append(f"--checkpoint: {history.unkept}")
         return history, view.series

@@ -7,10 +7,9 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from hemivar.basics.disk import shown
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import one_line
-from hemivar.cli.printing import Bar, console, unread
+from hemivar.cli.printing import Bar, unread
 from hemivar.errors import FileError
 
 if TYPE_CHECKING:
@@ -19,10 +18,7 @@ if TYPE_CHECKING:
     from hemivar.files.series import Series
     from hemivar.workflows import Event, ProgressEvent
 
-__all__ = ["MarchView", "code_of", "print_history"]
-
-#: Events and messages that are printed, so that the summary stays on one screen; --json has all.
-_SHOWN = 8
+__all__ = ["MarchView", "code_of"]
 
 
 class MarchView:
@@ -108,51 +104,6 @@ def _duration(seconds: float) -> str:
     if seconds < 3600.0:
         return f"{seconds / 60.0:.0f} min"
     return f"{seconds / 3600.0:.1f} h"
-
-
-def print_history(history: History) -> None:
-    """The summary of a march."""
-    out = console()
-    steps = len(history.rows) - 1
-    out.print("\nstatus            ", end="")
-    out.print(history.ended, style="bold green" if history.finished else "bold red", end="")
-    taken = int(history["solver_steps"].sum())
-    others = int(history["fallbacks"].sum()) if "fallbacks" in history.columns else 0
-    solved = f"{taken} of the solver" + (f", {others} fallbacks" if others else "")
-    out.print(f" at t = {history.state.time:g} after {steps} steps ({solved}), {len(history.frames)} frames")
-    if not steps:
-        return
-    print(f"worst residual    {history.residual:.1e}")
-    print(f"least margin      {history.margin:.6g}{'; ' if history.margin <= 0.0 else ', '}{history.uniqueness}")
-    if "load_factor" in history.columns:
-        factors = history["load_factor"]
-        print(f"load factor       {factors[-1]:.6g} at the end, at most {factors.max():.6g}")
-    ledger = history.ledger
-    given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
-    given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []
-    given += [f"{history.state.ledger.start:.6g} at the start"] if history.state.ledger.start else []
-    print(f"external work     {', '.join(given)}")
-    kinds = {
-        "stored": ("elastic", "branches", "contact", "kinetic"),
-        "dissipated": ("viscous", "branch_loss", "friction", "damping", "memory", "numerical", "jumps"),
-    }
-    for label, names in kinds.items():
-        parts = [f"{name.replace('_', ' ')} {ledger[name]:.6g}" for name in names if ledger[name] != 0.0]
-        print(f"{label:<18}{', '.join(parts) or 'nothing'}")
-    largest = max(abs(value) for name, value in ledger.items() if name != "gap")
-    part = abs(ledger["gap"]) / largest if largest > 0.0 else 0.0
-    print(f"balance error     {ledger['gap']:.1e}, {part:.0e} of the largest entry")
-    print(f"error in time     {history.time_error.words}")
-    if "error_sum" in history.columns:
-        sums = history["error_sum"][-1], history["contact_error_sum"][-1]
-        print(f"errors of steps   add up to {sums[0]:.2g} in the energy norm, {sums[1]:.2g} at the contact points")
-    for when, name in history.events[:_SHOWN]:
-        print(f"event             {name} at t = {when:.6g}")
-    if len(history.events) > _SHOWN:
-        print(f"                  (of {len(history.events)} events; --json FILE holds all)")
-    for message in history.messages[:_SHOWN]:
-        print(f"note              {shown(message)}")
-    sys.stdout.flush()
 
 
 def code_of(history: History, name: str) -> Exit:

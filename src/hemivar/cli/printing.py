@@ -34,6 +34,7 @@ __all__ = [
     "StageView",
     "console",
     "print_changes",
+    "print_claims",
     "print_not_converged",
     "print_notes",
     "print_step",
@@ -264,11 +265,18 @@ def print_summary(
     from hemivar.report.summary import summary_of
     from hemivar.solvers import Status
 
-    style = "bold green" if solution.status is Status.CONVERGED else "bold red"
-    first, *others = summary_of(solution, certificate, units).lines()
-    label, status, rest = first.partition(solution.status.value)
+    lines = summary_of(solution, certificate, units).lines()
+    print_claims(console, lines, solution.status.value, solution.status is Status.CONVERGED, printed)
+
+
+def print_claims(
+    console: Console, lines: Iterable[str], status: str, reached: bool, printed: Sequence[str] = ()
+) -> None:
+    """Print lines, the status in the first of them in colour, without the warnings that were said before."""
+    first, *others = lines
+    label, _, rest = first.partition(status)
     console.print(f"\n{label}", end="")
-    console.print(status, style=style, end="")
+    console.print(status, style="bold green" if reached else "bold red", end="")
     console.print(rest, soft_wrap=True)
     print_unsaid(others, printed)
 

@@ -54,7 +54,7 @@ class StudyCommand(OnProblem):
     given: opt.Given = None
 
     def work(self) -> Done:
-        from hemivar.report import plot_study, study_table
+        from hemivar.report import Table, plot_study
         from hemivar.workflows import StudyOptions, studying
         from hemivar.workflows.study import study_digest
 
@@ -85,13 +85,13 @@ class StudyCommand(OnProblem):
         except HemivarError as error:
             raise naming_file(error, stated.name) from error
         print()
-        print_table(console(), study_table(study, brief=True, units=stated.units))
+        print_table(console(), Table.of(study.rows(), brief=True, units=stated.units))
         _print_orders(study)
         _print_bounds(study)
         draw = partial(plot_study, study, title=session.title, unit=stated.units.length)
         files: Files = {
-            "--csv": study_table(study, units=stated.units).write_csv,
-            "--latex": study_table(study, stated.problem.title, units=stated.units).write_latex,
+            "--csv": Table.of(study.rows(), units=stated.units).write_csv,
+            "--latex": Table.of(study.rows(), stated.problem.title, units=stated.units).write_latex,
             "--json": {"problem": stated.name, **study.record()},
             **({"--plot": draw} if study.quantities else {}),
         }
@@ -194,7 +194,7 @@ class SweepCommand(OnProblem):
         return Session(self.problem, self.outputs, self.rtol, self.max_time, given=values, code=self.allow_code)
 
     def work(self) -> Done:
-        from hemivar.report import plot_sweep, sweep_table
+        from hemivar.report import Table, plot_sweep
         from hemivar.workflows import SolutionsOptions, SweepOptions, sweeping
         from hemivar.workflows.sweep import sweep_digest
 
@@ -209,7 +209,7 @@ class SweepCommand(OnProblem):
         ranged = ", ".join(f"{axis.key} ({len(axis.values)})" for axis in axes)
         print(f"parameters        {ranged}: {math.prod(len(axis.values) for axis in axes)} points")
         swept = watched(sweeping(self.problem, axes, options))
-        table = sweep_table(swept, units=session.stated.units)
+        table = Table.of(swept.rows(), units=session.stated.units)
         if len(table.rows) <= 40:  # which a screen shows
             print_table(console(), table, keys=len(swept.axes))
         else:
@@ -221,7 +221,7 @@ class SweepCommand(OnProblem):
         draw = partial(plot_sweep, swept, labels=self.label or (), title=session.title)
         files: Files = {
             "--csv": table.write_csv,
-            "--latex": sweep_table(swept, title, units=units).write_latex,
+            "--latex": Table.of(swept.rows(), title, units=units).write_latex,
             **({"--plot": draw} if swept.points else {}),
         }
         done = f"{len(swept.points)} of {math.prod(swept.shape)} points are done"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,10 +16,11 @@ from hemivar.basics.defined_above import above
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
+from hemivar.basics.rows import Claim, Column, ResultRows, plain
 from hemivar.basics.types import Array, IntArray, Record
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.state import TimeState
+from hemivar.evolution.state import EnergyBalance, TimeState
 from hemivar.evolution.time_error import TimeError
 from hemivar.laws import VectorLaw
 from hemivar.laws.memory import MemoryChain
@@ -26,9 +28,8 @@ from hemivar.laws.vector_law import weak_convexity_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from pandas import DataFrame
 
-__all__ = ["Frame", "History", "Row", "damage_of", "law_at", "remembered"]
+__all__ = ["Frame", "History", "Row", "damage_of", "law_at", "quantity_of", "remembered"]
 
 
 @dataclass(frozen=True)
@@ -81,12 +82,12 @@ class Frame(PickleMixin):
 class History(PickleMixin, ReprMixin):
     """An evolution that was computed.
 
-    ``history["normal_force"]`` is a column of the table; ``history.times`` the times of its rows.
+    ``history["normal_force"]`` is a column of the table; ``history.times`` the times of its rows, the steps.
 
     Attributes
     ----------
     discrete : DiscreteEvolution
-    rows : tuple of Row
+    steps : tuple of Row
         The first is the initial state.
     frames : tuple of Frame
         What was saved.
@@ -110,12 +111,12 @@ class History(PickleMixin, ReprMixin):
     --------
     >>> import hemivar as hv
     >>> history = hv.march(hv.gallery.bouncing_block(), until=0.1, step=0.05)
-    >>> history.ended, len(history.rows)
+    >>> history.ended, len(history.steps)
     ('finished', 3)
     """
 
     discrete: DiscreteEvolution
-    rows: tuple[Row, ...]
+    steps: tuple[Row, ...]
     frames: tuple[Frame, ...]
     state: TimeState
     ended: str = "finished"
@@ -125,10 +126,9 @@ class History(PickleMixin, ReprMixin):
     unkept: str = ""
 
     def __repr__(self) -> str:
-        steps = len(self.rows) - 1
         return (
-            f"History({steps} steps to t = {self.state.time:g}, {self.ended}; least margin {self.margin:.3g}, "
-            f"largest residual {self.residual:.2g}, {len(self.frames)} frames)"
+            f"History({len(self.steps) - 1} steps to t = {self.state.time:g}, {self.ended}; "
+            f"least margin {self.margin:.3g}, largest residual {self.residual:.2g}, {len(self.frames)} frames)"
         )
 
     @property
@@ -139,7 +139,7 @@ class History(PickleMixin, ReprMixin):
     @cached_property
     def times(self) -> Array:
         """Times of the rows."""
-        return np.array([row.time for row in self.rows])
+        return np.array([row.time for row in self.steps])
 
     @cached_property
     def damage(self) -> Array:
@@ -152,19 +152,24 @@ class History(PickleMixin, ReprMixin):
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of all columns."""
-        return (*_OWN, *self.rows[0].values)
+        return (*_OWN, *self.steps[0].values)
 
     def __getitem__(self, name: str) -> Array:
         if name in _OWN:
-            return np.array([getattr(row, name) for row in self.rows], dtype=float)
-        if name not in self.rows[0].values:
+            return np.array([getattr(row, name) for row in self.steps], dtype=float)
+        if name not in self.steps[0].values:
             raise ProblemError(f"the history has no column '{name}' (known: {', '.join(self.columns)})")
-        return np.array([row.values[name] for row in self.rows])
+        return np.array([row.values[name] for row in self.steps])
+
+    def rows(self) -> ResultRows:
+        """A row for each step, the initial state first; ``solver_steps``, ``fallbacks`` and ``jumped`` are whole."""
+        columns = ((name, self[name].astype(np.int64) if name in _WHOLE else self[name]) for name in self.columns)
+        return ResultRows(tuple(Column(name, values, name, unit=quantity_of(name)) for name, values in columns))
 
     @cached_property
     def table(self) -> Any:
         """All rows as a numpy structured array."""
-        out = np.empty(len(self.rows), dtype=[(name, float) for name in self.columns])
+        out = np.empty(len(self.steps), dtype=[(name, float) for name in self.columns])
         for name in self.columns:
             out[name] = self[name]
         return out
@@ -178,7 +183,7 @@ class History(PickleMixin, ReprMixin):
     @property
     def margin(self) -> float:
         """Least margin of all steps; inf if none was taken."""
-        return min((row.margin for row in self.rows[1:] if not np.isnan(row.margin)), default=np.inf)
+        return min((row.margin for row in self.steps[1:] if not np.isnan(row.margin)), default=np.inf)
 
     @property
     def uniqueness(self) -> str:
@@ -210,10 +215,43 @@ class History(PickleMixin, ReprMixin):
             return "every step has one solution only, as far as samples of the law show"
         return "every step has one solution only"
 
+    def claims(self) -> list[Claim]:
+        """How it ended, what the margins say, the energy balance, the error in time, events and messages."""
+        steps, ledger = len(self.steps) - 1, self.ledger
+        others = int(self["fallbacks"].sum()) if "fallbacks" in self.columns else 0
+        solved = f"{int(self['solver_steps'].sum())} of the solver" + (f", {others} fallbacks" if others else "")
+        after = f"at t = {self.state.time:g} after {steps} steps ({solved}), {len(self.frames)} frames"
+        claims = [Claim("status", f"{self.ended} {after}", self.ended)]
+        if not steps:
+            return claims
+        claims.append(Claim("worst residual", f"{self.residual:.1e}", self.residual))
+        lost = "; " if self.margin <= 0.0 else ", "
+        claims.append(Claim("least margin", f"{self.margin:.6g}{lost}{self.uniqueness}", self.margin))
+        if "load_factor" in self.columns:
+            factors = self["load_factor"]
+            claims.append(Claim("load factor", f"{factors[-1]:.6g} at the end, at most {factors.max():.6g}"))
+        given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
+        given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []
+        given += [f"{self.state.ledger.start:.6g} at the start"] if self.state.ledger.start else []
+        claims.append(Claim("external work", ", ".join(given)))
+        for label, names in _SUMS.items():
+            parts = [f"{name.replace('_', ' ')} {ledger[name]:.6g}" for name in names if ledger[name] != 0.0]
+            claims.append(Claim(label, ", ".join(parts) or "nothing"))
+        largest, gap = max(abs(value) for name, value in ledger.items() if name != "gap"), ledger["gap"]
+        part = abs(gap) / largest if largest > 0.0 else 0.0
+        claims.append(Claim("balance error", f"{gap:.1e}, {part:.0e} of the largest entry", gap))
+        claims.append(Claim("error in time", self.time_error.words, self.time_error.bound))
+        if "error_sum" in self.columns:
+            sums = self["error_sum"][-1], self["contact_error_sum"][-1]
+            words = f"add up to {sums[0]:.2g} in the energy norm, {sums[1]:.2g} at the contact points"
+            claims.append(Claim("errors of steps", words, sums))
+        claims += [Claim("event", f"{name} at t = {when:.6g}", when) for when, name in self.events]
+        return claims + [Claim("note", message) for message in self.messages]
+
     @property
     def residual(self) -> float:
         """Largest relative residual of all steps."""
-        return float(max((row.residual for row in self.rows[1:]), default=0.0))
+        return float(max((row.residual for row in self.steps[1:]), default=0.0))
 
     def at(self, time: float) -> Frame:
         """The body at a time, between two frames on a straight line.
@@ -257,25 +295,33 @@ class History(PickleMixin, ReprMixin):
         return written
 
     def to_dict(self) -> Record:
-        """Plain numbers, lists and texts, see :func:`hemivar.files.history_record`."""
-        record: Record = above("History.to_dict")(self)
-        return record
+        """Plain numbers, texts and lists for JSON; numbers that are not finite become None.
+
+        ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
+        ``time_error`` (norm, bound, guaranteed, why), ``events`` (time, name), ``messages``, and ``table``: a list for
+        each column.
+        """
+        error = self.time_error
+        record = {
+            "hemivar": version("hemivar"),
+            "ended": self.ended,
+            "time": self.state.time,
+            "steps": len(self.steps) - 1,
+            "solver_steps": int(self["solver_steps"].sum()),
+            "margin": self.margin,
+            "residual": self.residual,
+            "ledger": dict(self.ledger),
+            "time_error": {name: getattr(error, name) for name in ("norm", "bound", "guaranteed", "why")},
+            "events": [list(event) for event in self.events],
+            "messages": list(self.messages),
+            "table": self.rows().by_name(),
+        }
+        return {key: plain(value) for key, value in record.items()}
 
     def to_json(self, path: str | Path) -> Path:
         """Write :meth:`to_dict` to a file that ends in ``.json``; returns its path."""
         written: Path = above("History.to_json")(self, path)
         return written
-
-    def to_dataframe(self) -> DataFrame:
-        """The table as a pandas DataFrame.
-
-        Raises
-        ------
-        ProblemError
-            pandas is not installed.
-        """
-        frame: DataFrame = above("History.to_dataframe")(self)
-        return frame
 
     def plot(
         self,
@@ -322,4 +368,22 @@ def damage_of(discrete: DiscreteEvolution, frame: Frame) -> Array:
     return damage
 
 
+def quantity_of(column: str) -> str:
+    """What a column measures, as :class:`Units` names it; empty where it is a number, or a measure of the contact."""
+    name = column.rpartition(".")[2]
+    if name.startswith("u_") or name == "penetration":
+        return "length"
+    if name in ("time", "step", "largest_step", "force_time"):
+        return "time"
+    return "force" if name.endswith("_force") else "energy" if name in _ENERGIES else ""
+
+
+#: Columns of the energy balance.
+_ENERGIES = {part.name for part in fields(EnergyBalance)} - {"start"}
+#: What is stored at the end, and what was dissipated until then.
+_SUMS = {
+    "stored": ("elastic", "branches", "contact", "kinetic"),
+    "dissipated": ("viscous", "branch_loss", "friction", "damping", "memory", "numerical", "jumps"),
+}
+_WHOLE = ("solver_steps", "jumped", "fallbacks")
 _OWN = ("time", "step", "solver_steps", "residual", "margin", "largest_step", "jumped")

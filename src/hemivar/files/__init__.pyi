@@ -2,7 +2,6 @@
 
 from .changes import Change as Change
 from .contact_rows import write_csv as write_csv
-from .history_table import history_record as history_record
 from .problem_file import read_problem as read_problem
 from .problem_file import read_problem_file as read_problem_file
 from .problem_file import write_problem as write_problem

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,27 +14,17 @@ from hemivar.basics.csv_text import cell_read, csv_rows, csv_text, number_in
 from hemivar.basics.disk import path_of, read_text, regular_file, shown, whole_file, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import size_in_words
-from hemivar.basics.pandas_frame import data_frame
-from hemivar.basics.rows import plain
-from hemivar.basics.types import Array, Record
+from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.errors import FileError, ProblemError
-from hemivar.evolution.history import History
-from hemivar.evolution.state import EnergyBalance
-from hemivar.files.record import prepared, version
+from hemivar.evolution.history import History, quantity_of
+from hemivar.files.record import prepared
 from hemivar.files.series import write_pvd
 from hemivar.mesh.vtu_grid import BUDGET
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 __all__ = [
     "HISTORY_FILES",
     "check_table",
-    "history_columns",
-    "history_frame",
-    "history_record",
-    "quantity_of",
     "read_history_table",
     "write_history",
     "write_history_json",
@@ -45,26 +33,13 @@ __all__ = [
 
 #: Suffixes that :func:`write_history` knows.
 HISTORY_FILES = (".pvd", ".csv", ".parquet", ".json")
-#: Columns of the energy balance.
-_ENERGIES = {part.name for part in fields(EnergyBalance)} - {"start"}
-_WHOLE = ("solver_steps", "jumped", "fallbacks")
-
-
-def history_columns(history: History) -> dict[str, Array]:
-    """The table by columns, each (rows,): floats, whole numbers for ``solver_steps``, ``fallbacks``
-    and ``jumped`` (0 or 1)."""
-    columns: dict[str, Array] = {}
-    for name in history.columns:
-        values = history[name]
-        columns[name] = np.asarray(values.astype(np.int64) if name in _WHOLE else values)
-    return columns
 
 
 def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
     """Write an evolution, by the suffix of the name.
 
     ``.pvd`` the frames for ParaView, with a folder of VTU files; ``.csv`` and ``.parquet`` the table;
-    ``.json`` the record of :func:`history_record`.
+    ``.json`` the record of :meth:`History.to_dict`.
     """
     suffix = path_of(path).suffix.lower()
     if suffix == ".pvd":
@@ -72,18 +47,8 @@ def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
     if suffix == ".json":
         return (write_history_json(history, path),)
     if suffix in (".csv", ".parquet"):
-        return (write_history_table(history_columns(history), path, history.discrete.evolution.problem.units),)
+        return (write_history_table(history.rows().by_name(), path, history.discrete.evolution.problem.units),)
     raise ProblemError(f"'{shown(path)}': a history is written as {', '.join(HISTORY_FILES)}, not {quoted(suffix)}")
-
-
-def quantity_of(column: str) -> str:
-    """What a column measures, as :class:`Units` names it; empty where it is a number, or a measure of the contact."""
-    name = column.rpartition(".")[2]
-    if name.startswith("u_") or name == "penetration":
-        return "length"
-    if name in ("time", "step", "largest_step", "force_time"):
-        return "time"
-    return "force" if name.endswith("_force") else "energy" if name in _ENERGIES else ""
 
 
 def write_history_table(columns: Mapping[str, Array], path: str | Path, units: Units | None = None) -> Path:
@@ -182,47 +147,9 @@ def _without_unit(head: str) -> str:
     return name if bracket and head.endswith(")") and quantity_of(name) else head
 
 
-def history_frame(history: History) -> DataFrame:
-    """The table as a pandas DataFrame."""
-    return data_frame(history_columns(history), "history.table, which needs numpy only")
-
-
 def write_history_json(history: History, path: str | Path, units: Mapping[str, str] | None = None) -> Path:
-    """Write :func:`history_record` to a file that ends in ``.json``; returns its path."""
+    """Write :meth:`History.to_dict` to a file that ends in ``.json``; returns its path."""
     path = prepared(path, ".json")
-    record = {**history_record(history), "units": dict(units)} if units else history_record(history)
+    record = history.to_dict() | ({"units": dict(units)} if units else {})
     write_text(path, json.dumps(record, allow_nan=False) + "\n")
     return path
-
-
-def history_record(history: History) -> Record:
-    """An evolution as plain numbers, texts and lists; numbers that are not finite become None.
-
-    ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
-    ``time_error`` (norm, bound, guaranteed, why), ``events`` (time, name), ``messages``, and ``table``: a list for each
-    column.
-
-    Parameters
-    ----------
-    history : History
-
-    Returns
-    -------
-    dict
-    """
-    error = history.time_error
-    record = {
-        "hemivar": version(),
-        "ended": history.ended,
-        "time": history.state.time,
-        "steps": len(history.rows) - 1,
-        "solver_steps": int(history["solver_steps"].sum()),
-        "margin": history.margin,
-        "residual": history.residual,
-        "ledger": dict(history.ledger),
-        "time_error": {name: getattr(error, name) for name in ("norm", "bound", "guaranteed", "why")},
-        "events": [list(event) for event in history.events],
-        "messages": list(history.messages),
-        "table": history_columns(history),
-    }
-    return {key: plain(value) for key, value in record.items()}

@@ -20,6 +20,5 @@ from .plane_body import Arrows as Arrows
 from .saving import save as save
 from .solution_pictures import plot_solutions as plot_solutions
 from .sweep_figures import plot_sweep as plot_sweep
+from .tables import Table as Table
 from .tables import comparison_table as comparison_table
-from .tables import study_table as study_table
-from .tables import sweep_table as sweep_table

@@ -11,9 +11,8 @@ from hemivar.basics.arguments import quoted
 from hemivar.basics.types import Array
 from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
-from hemivar.evolution.history import History
+from hemivar.evolution.history import History, quantity_of
 from hemivar.files.boundary import contact_boundaries
-from hemivar.files.history_table import history_columns, quantity_of
 from hemivar.files.snapshot import moving_states
 from hemivar.report.picture import new_figure
 from hemivar.report.style import (
@@ -110,7 +109,7 @@ def plot_march(
                 raise ProblemError("the map needs frames, which a table does not have; march(...).plot('map') draws it")
             fig = draw_map(history, boundary, units.time, units.length, units.stress)
         else:
-            table = history_columns(history) if isinstance(history, History) else dict(history)
+            table = history.rows().by_name() if isinstance(history, History) else dict(history)
             for name in ("time", *columns):
                 if name not in table:
                     raise ProblemError(f"the history has no column '{name}' (known: {', '.join(table)})")

@@ -6,15 +6,14 @@ import base64
 import html
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
-from hemivar.basics.types import Record
 from hemivar.bounds import AdaptiveSolution
-from hemivar.bounds.stated_distance import DistanceToExact
 from hemivar.branches import Path, SolutionSet
 from hemivar.certificates import Certificate, certify, smallness
 from hemivar.certificates.smallness import one_solution
@@ -37,10 +36,10 @@ from hemivar.report.path_diagrams import plot_path
 from hemivar.report.picture import png
 from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.style import MANY_CELLS
+from hemivar.report.summary import Summary, summary_of
 from hemivar.report.sweep_figures import plot_sweep
-from hemivar.report.tables import Table, study_table, sweep_table
+from hemivar.report.tables import Table
 from hemivar.solvers import Solution, Status
-from hemivar.solvers.contact_states import state_words
 from hemivar.workflows.study import Study
 from hemivar.workflows.sweep import Sweep
 
@@ -126,23 +125,8 @@ def _rows(rows: Iterable[_Row]) -> Table:
 
 
 def _solution(solution: Solution) -> _Shown:
-    problem = solution.problem
-    rows: list[_Row] = [
-        ("status", solution.status.value),
-        ("remedy", None if solution.status is Status.CONVERGED else solution.remedy),
-        ("method", f"{solution.method}, {solution.steps} steps"),
-        ("residual, relative", solution.residual.relative),
-        ("energy", solution.energy),
-        *(_certified(solution) or [("kind", solution.kind)]),
-        ("unknowns", problem.unknowns),
-        ("contact points", state_words(*solution.states.counts) or 0),
-        (f"contact {solution.measured}", solution.contact_length),
-        ("normal force", solution.normal_force),
-        ("friction force", _numbers(solution.friction_force) if problem.contact.components > 1 else None),
-        ("largest", None if solution.deformation is None else solution.deformation.sizes),
-        *(("warning", sentence) for sentence in solution.warnings),
-    ]
-    return _title("Solution", problem), lambda: _pictures(solution), _rows(rows)
+    table = _rows(summary_of(solution, _certified(solution)).rows)
+    return _title("Solution", solution.problem), lambda: _pictures(solution), table
 
 
 def _pictures(solution: Solution) -> list[Figure]:
@@ -152,29 +136,14 @@ def _pictures(solution: Solution) -> list[Figure]:
     return [plot_contact(solution)] if 0 < solution.problem.contact_points <= MANY_CELLS else []
 
 
-def _certified(solution: Solution) -> list[_Row]:
-    """What a certificate says of a solution, where that takes a moment only."""
+def _certified(solution: Solution) -> Certificate | None:
+    """What certifies a solution, where that takes a moment only."""
     if solution.problem.unknowns > _MOST_CERTIFIED or solution.status is not Status.CONVERGED:
-        return []
+        return None
     try:
-        return _trust(certify(solution, trace_constant=False, max_time=_SECONDS))
+        return certify(solution, trace_constant=False, max_time=_SECONDS)
     except HemivarError:
-        return []
-
-
-def _trust(certificate: Certificate) -> list[_Row]:
-    """The kind of a point, whether there are others, and the bound of its error."""
-    plain, known = {True: "yes", False: "no", None: "not known"}, certificate.unique
-    unique = known if isinstance(known, str) else plain[known]
-    margin, bound = _number(certificate.margin), _number(certificate.error_bound_relative)
-    if why := certificate.claim("margin").doubt:
-        margin, bound = f"{margin} ({why})", f"{bound} ({why}, an estimate)"
-    return [
-        ("kind", certificate.kind.value),
-        ("the only solution", unique),
-        ("margin", margin),
-        ("error bound, relative", bound),
-    ]
+        return None
 
 
 def _margin(problem: DiscreteProblem) -> list[_Row]:
@@ -194,46 +163,13 @@ def _margin(problem: DiscreteProblem) -> list[_Row]:
 
 
 def _certificate(certificate: Certificate) -> _Shown:
-    rows: list[_Row] = [
-        ("solves the problem", f"{'yes' if certificate.stationary else 'no'}, to {certificate.tolerance:.0e}"),
-        *_trust(certificate),
-        ("distance to the exact solution, relative", _exact(certificate.exact)),
-        ("equilibrium, relative", certificate.equilibrium_relative),
-        ("inclusion, relative", certificate.inclusion_relative),
-        ("residual, relative", certificate.residual.relative),
-        ("energy", certificate.energy),
-        ("least curvature", certificate.curvature),
-        ("left out", ", ".join(certificate.left_out) or None),
-        *(("warning", sentence) for sentence in certificate.warnings),
-    ]
-    return "Certificate", lambda: [plot_certificate(certificate)], _rows(rows)
-
-
-def _exact(distance: DistanceToExact | None) -> str | None:
-    """The distance to the exact solution in a few words."""
-    if distance is None:
-        return None
-    if not distance.known:
-        return f"not known: {distance.why}"
-    size = _number(distance.relative)
-    if distance.conditions:
-        return f"{size} (if {' and '.join(distance.conditions)})"
-    return f"{size} (guaranteed)" if distance.guaranteed else f"{size} (an estimate: {distance.why})"
+    claims = [replace(claim, whole=False) for claim in certificate.claims()]
+    return "Certificate", lambda: [plot_certificate(certificate)], _rows(Summary.of(claims).rows)
 
 
 def _path(path: Path) -> _Shown:
-    factor = path.load_factor
-    rows: list[_Row] = [
-        ("points", len(path)),
-        ("load factors", f"{_number(factor.min())} to {_number(factor.max())}" if len(path) else None),
-        ("failure", path.failure),
-        ("folds", _numbers(fold.load_factor for fold in path.main_folds) or "none"),
-        ("jumps", _numbers(jump.load_factor for jump in path.main_jumps) or "none"),
-        ("single contact points", path.snapping),
-        ("ended", str(path.ended)),
-        *(("warning", sentence) for sentence in path.warnings),
-    ]
-    return _title("Path", path.problem), lambda: [plot_path(path)] if len(path) else [], _rows(rows)
+    heading = f"{_title('Path', path.problem)}: {path.failure}"
+    return heading, lambda: [plot_path(path)] if len(path) else [], _rows(Summary.of(path.claims()).rows)
 
 
 def _solution_set(solutions: SolutionSet) -> _Shown:
@@ -305,33 +241,19 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
 
 
 def _history(history: History) -> _Shown:
-    ledger, error = history.ledger, history.time_error
-    rows: list[_Row] = [
-        ("ended", f"{history.ended}, t = {_number(history.state.time)}"),
-        ("steps", len(history.rows) - 1),
-        ("frames", len(history.frames)),
-        ("largest residual", history.residual),
-        ("least margin", f"{_number(history.margin)}: {history.uniqueness}"),
-        ("work", ledger["work"] + ledger["moved"]),
-        ("balance error", ledger["gap"]),
-        ("error in time", error.words),
-        *(("event", f"{name} at t = {_number(time)}") for time, name in history.events[:_MOST_ROWS]),
-        *(("message", sentence) for sentence in history.messages[:_MOST_ROWS]),
-    ]
-    drawn = len(history.rows) > 1
-    heading = _title("History", history.discrete.problem)
-    return heading, lambda: [plot_march(history)] if drawn else [], _rows(rows)
+    drawn, heading = len(history.steps) > 1, _title("History", history.discrete.problem)
+    return heading, lambda: [plot_march(history)] if drawn else [], _rows(Summary.of(history.claims()).rows)
 
 
 def _study(study: Study) -> _Shown:
     drawn = len(study.levels) > 1
     heading = f"Study: {len(study.levels)} meshes, errors against the {study.reference}"
-    return heading, lambda: [plot_study(study)] if drawn else [], study_table(study, relative=True, brief=True)
+    return heading, lambda: [plot_study(study)] if drawn else [], Table.of(study.rows(relative=True), brief=True)
 
 
 def _sweep(sweep: Sweep) -> _Shown:
     drawn = len(sweep.axes) <= 2 and any(point.count for point in sweep.points)
-    table = sweep_table(sweep)
+    table = Table.of(sweep.rows())
     left = len(table.rows) - _MOST_ROWS
     if left > 0:
         table = Table(table.columns, table.rows[:_MOST_ROWS], f"and {left} more rows")
@@ -372,11 +294,6 @@ def _short_text(value: object) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.4g}" if math.isfinite(value) else str(value)
-
-
-def _numbers(values: Iterable[float]) -> str:
-    shown = [_number(float(value)) for value in values]
-    return ", ".join(shown[:_MOST_ROWS]) + (", ..." if len(shown) > _MOST_ROWS else "")
 
 
 _KINDS: Mapping[type, Callable[..., _Shown]] = {
@@ -438,21 +355,15 @@ def show(value: object) -> None:
 def frame_of(value: object) -> DataFrame:
     """A pandas DataFrame.
 
-    A path has a row for each point, a set of solutions one for each solution, a study and an adaptive solve one for
-    each mesh, a sweep one for each choice of parameters; anything else has rows of ``name`` and ``value``, as a
-    notebook shows it.
+    What has ``rows()`` has these: a path a row for each point, a history one for each step. A certificate has a row for
+    each claim; anything else has rows of ``name`` and ``value``, as a notebook shows it.
     """
-    for kind, (record, instead) in _RECORDS.items():
-        if isinstance(value, kind):
-            return data_frame(record(value), instead)
-    rows = table_of(value).rows
-    return data_frame({"name": [row[0] for row in rows], "value": [row[1] for row in rows]}, "repr(value)")
-
-
-_RECORDS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
-    Path: (lambda path: path.rows().by_name(), "path.load_factor, path.energy, path.normal_force"),
-    SolutionSet: (lambda found: found.rows().by_name(), "solutions.energies"),
-    Study: (lambda study: study_table(study).record(), "hemivar.report.study_table(study)"),
-    Sweep: (lambda sweep: sweep_table(sweep).record(), "hemivar.report.sweep_table(sweep)"),
-    AdaptiveSolution: (lambda adaptive: adaptive.rows().by_name(), "found.rows()"),
-}
+    rows = getattr(value, "rows", None)
+    if rows is not None:
+        return data_frame(rows().by_name(), f"rows() of the {type(value).__name__}")
+    if isinstance(value, Certificate):
+        claims = value.claims()
+        names = ("label", "sentence", "value", "doubt")
+        return data_frame({name: [getattr(claim, name) for claim in claims] for name in names}, "certificate.claims()")
+    table = table_of(value).record()
+    return data_frame(dict(zip(("name", "value"), table.values(), strict=True)), "repr(value)")

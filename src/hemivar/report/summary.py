@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import html
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.disk import shown
+from hemivar.basics.rows import Claim
 from hemivar.basics.types import Array
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.certificates import Certificate
@@ -21,6 +23,8 @@ from hemivar.solvers.contact_states import state_words
 
 __all__ = ["Summary", "contact_rows", "extreme_rows", "seen_local", "summary_of"]
 
+#: Claims of one label that are shown, so that they stay on one screen.
+_SHOWN = 12
 #: Supports whose forces are shown.
 _SUPPORTS = 6
 #: Part of all forces on a body up to which a force is rounding, and shown as zero.
@@ -39,6 +43,17 @@ class Summary:
     """
 
     rows: tuple[Row, ...]
+
+    @classmethod
+    def of(cls, claims: Iterable[Claim]) -> Summary:
+        """Labels and sentences, of one label as many as a screen shows."""
+        rows: list[Row] = []
+        for label, labelled in itertools.groupby((claim for claim in claims if not claim.whole), lambda one: one.label):
+            sentences = [shown(claim.sentence) for claim in labelled]
+            rows += [(label, sentence) for sentence in sentences[:_SHOWN]]
+            if len(sentences) > _SHOWN:
+                rows.append(("", f"(of {len(sentences)} {label}s; --json FILE holds all)"))
+        return cls(tuple(rows))
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
@@ -64,7 +79,7 @@ def summary_of(solution: Solution, certificate: Certificate | None = None, units
         units = Units() if solution.problem.origin is None else solution.problem.origin.units
     rows = list(_solve_rows(solution, certificate is not None, units))
     if certificate is not None:
-        rows += [(claim.label, claim.sentence) for claim in certificate.claims if not claim.whole]
+        rows += Summary.of(certificate.claims()).rows
     if solution.problem.vectors.total(solution.problem.contact_points)[0]:
         rows += _contact_part(solution, units)
     rows += _body_part(solution, units)

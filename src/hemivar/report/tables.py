@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.arguments import expecting
 from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
@@ -24,14 +23,12 @@ from hemivar.basics.units import Units
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 from hemivar.workflows.comparison import energy_norm_difference
-from hemivar.workflows.study import Study
-from hemivar.workflows.sweep import Sweep
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table as RichTable
 
-__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table", "study_table", "sweep_table"]
+__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table"]
 
 
 @dataclass(frozen=True)
@@ -311,49 +308,3 @@ def comparison_table(
         "recover (s)",
     )  # fmt: skip
     return Table(columns, rows, title)
-
-
-@expecting(study=Study, title=str, relative=bool, brief=bool, units=Units)
-def study_table(
-    study: Study, title: str = "", *, relative: bool = False, brief: bool = False, units: Units | None = None
-) -> Table:
-    """One line for each mesh: size, unknowns, errors with the order from the mesh before, energy, normal force, status.
-
-    Where bounds were asked for, the column ``guaranteed bound`` has that of the error in the energy norm; it is empty
-    where there is none, and called ``conditional bound`` where bounds hold on conditions only.
-
-    Parameters
-    ----------
-    study : Study
-    title : str, optional
-    relative : bool
-        Errors relative to the norms of the reference.
-    brief : bool
-        Without energy and force, and without the status where all solves converged.
-    units : Units, optional
-        Of length, force and energy, for the headings; numbers are not converted.
-
-    Returns
-    -------
-    Table
-    """
-    return Table.of(study.rows(relative=relative), title, units=units, brief=brief)
-
-
-def sweep_table(sweep: Sweep, title: str = "", *, units: Units | None = None) -> Table:
-    """One line for each point: parameters, number of solutions and of local minimisers, margin, the lowest solution.
-
-    The column ``others`` says whether there may be solutions that were not found.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    title : str, optional
-    units : Units, optional
-        Of length, force and energy, for the headings; numbers are not converted.
-
-    Returns
-    -------
-    Table
-    """
-    return Table.of(sweep.rows(), title, units=units)

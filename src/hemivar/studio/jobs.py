@@ -13,6 +13,7 @@ import numpy as np
 
 from hemivar.basics.disk import noting_files_read
 from hemivar.basics.memory import refined_cells
+from hemivar.basics.types import AnyArray
 from hemivar.branches import Path as EquilibriumPath
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.model import Model
@@ -544,8 +545,8 @@ def _progress(request: Request, done: float | None, words: str) -> Message:
 
 
 def _history(request: Request, history: History) -> Message:
-    names = [name for name in ("normal_force", "friction_force", "contact") if name in history.rows[-1].values]
-    table = {name: np.array([row.values[name] for row in history.rows]) for name in names}
+    names = [name for name in ("normal_force", "friction_force", "contact") if name in history.columns]
+    table: dict[str, AnyArray] = {name: history[name] for name in names}
     head = {
         "type": "history", "generation": request.generation, "ended": history.ended, "messages": list(history.messages),
         "names": names, "events": [list(event) for event in history.events],

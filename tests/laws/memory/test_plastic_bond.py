@@ -223,7 +223,7 @@ def test_a_stiff_block_is_one_material_point(method: hv.solvers.Solver | None, u
     assert after["memory"][-1] + after["contact"][-1] == pytest.approx(BOND.shear_energy, rel=1e-5)
     opened = hv.march(hv.Evolution(bonded_block((0.0, 1.0), unit)), 0.033, step=0.001, method=method)
     assert opened["memory"][-1] == pytest.approx(0.969, rel=1e-12)
-    whole = [row.time for row in opened.rows if row.values["memory"] == 0.0]
+    whole = [row.time for row in opened.steps if row.values["memory"] == 0.0]
     assert whole[-1] == pytest.approx(0.031, abs=1e-12)  # sqrt(2 a0/k) = .03113
 
 
