@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile
+    from hemivar.mechanics import ContactProblem
     from hemivar.solvers import Controls, Progress, Solver
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "AllowCode",
     "Checkpoint",
     "Colour",
+    "Columns",
     "Constant",
     "Csv",
     "EngineName",
@@ -53,6 +55,7 @@ __all__ = [
     "check_engine",
     "check_limits",
     "check_load_factors",
+    "columns_of",
     "controls_of",
     "method_named",
     "option",
@@ -98,6 +101,10 @@ Checkpoint = Annotated[File, written("Checkpoint file; study and sweep continue 
 Resume = Annotated[bool, option("Continue from the checkpoint, if it exists.", "--resume")]
 Jobs = Annotated[int, option("Number of processes that work at once.", of="N", least=1, most=MOST_JOBS)]
 Json = Annotated[File, written("Write the results as JSON.", "FILE.json")]
+Columns = Annotated[
+    str | None,
+    option("Numbers of each solution: max-pressure,max-stress,support.bolt.force ...", of="NAME,NAME"),
+]
 Csv = Annotated[File, written("Write the table as CSV.", "FILE.csv")]
 Latex = Annotated[File, written("Write the table for LaTeX.", "FILE.tex")]
 Starts = Annotated[int, option("Random starts of each kind.", of="N", least=0, most=1_000_000)]
@@ -199,3 +206,10 @@ def method_named(name: str) -> Solver:
     from hemivar.solvers.methods import method_named as named
 
     return named(name)
+
+
+def columns_of(names: str | None, problem: ContactProblem) -> tuple[str, ...]:
+    """The numbers of ``--columns``, which the problem has."""
+    from hemivar.solvers.quantities import check_quantity
+
+    return tuple(check_quantity(name.strip(), problem) for name in names.split(",")) if names else ()

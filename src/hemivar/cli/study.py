@@ -41,6 +41,7 @@ class StudyCommand(OnProblem):
         option("Known solution in x and y, once for each component (the finest mesh).", of="FORMULA"),
     ] = None
     exact: opt.Exact = None
+    columns: opt.Columns = None
     method: opt.MethodName = None
     jobs: opt.Jobs = 1
     checkpoint: opt.Checkpoint = None
@@ -75,6 +76,7 @@ class StudyCommand(OnProblem):
             self.jobs,
             must_keep=self.checkpoint is not None,
             exact=bool(self.exact),
+            columns=opt.columns_of(self.columns, first),
         )
         options = replace(options, checkpoint=session.kept("study", lambda: study_digest(first, options)))
         print_title(stated, stated.changes)
@@ -141,6 +143,10 @@ class SweepCommand(OnProblem):
             of="KEY=LOW:HIGH:COUNT",
         ),
     ] = None
+    values: Annotated[str | None, option("The values of the parameter that --set KEY names alone.", of="X,Y,...")] = (
+        None
+    )
+    columns: opt.Columns = None
     jobs: opt.Jobs = 1
     checkpoint: opt.Checkpoint = None
     csv: opt.Csv = None
@@ -158,7 +164,13 @@ class SweepCommand(OnProblem):
         """What ``--set`` gives a range, and what one value."""
         from hemivar.workflows.sweep import SweepAxis, read_axis
 
-        read = [read_axis(text) for text in self.given or ()]
+        texts = list(self.given or ())
+        if self.values is not None:
+            alone = [k for k, text in enumerate(texts) if "=" not in text]
+            if len(alone) != 1:
+                raise ProblemError("--values belongs to one --set KEY without a value; give both")
+            texts[alone[0]] += f"={self.values}"
+        read = [read_axis(text) for text in texts]
         axes = tuple(axis for axis in read if isinstance(axis, SweepAxis))
         return axes, tuple(axis for axis in read if not isinstance(axis, SweepAxis))
 
@@ -167,6 +179,10 @@ class SweepCommand(OnProblem):
         axes, _ = self.ranges
         if not axes:
             raise ProblemError("sweep: give a range with --set, as in --set contact.bottom.normal.q_max=0:1:21")
+        if self.plot is not None and self.columns is not None:
+            raise ProblemError(
+                "--plot draws numbers of solutions and margins, which --columns leaves out; leave one out"
+            )
         if self.plot is not None and len(axes) > 2:
             raise ProblemError(f"--plot draws one or two parameters, and {len(axes)} have ranges; leave it out")
         if len(self.label or ()) > len(axes):
@@ -202,7 +218,8 @@ class SweepCommand(OnProblem):
         session = self.session
         search = SolutionsOptions(self.starts, self.max_solutions, self.seed, session.controls)
         kept, code = self.checkpoint is not None, tuple(self.allow_code or ())
-        options = SweepOptions(search, self.jobs, None, changes, must_keep=kept, code=code)
+        columns = opt.columns_of(self.columns, session.stated.problem)
+        options = SweepOptions(search, self.jobs, None, changes, must_keep=kept, code=code, columns=columns)
         digest = partial(sweep_digest, self.problem, axes, options)
         options = replace(options, checkpoint=session.kept("sweep", digest))
         print_title(session.stated, changes)
@@ -222,7 +239,7 @@ class SweepCommand(OnProblem):
         files: Files = {
             "--csv": table.write_csv,
             "--latex": Table.of(swept.rows(), title, units=units).write_latex,
-            **({"--plot": draw} if swept.points else {}),
+            **({"--plot": draw} if swept.points and not columns else {}),
         }
         done = f"{len(swept.points)} of {math.prod(swept.shape)} points are done"
         return Done(files, not failed, swept.interrupted, partial(session.print_kept, swept, done))

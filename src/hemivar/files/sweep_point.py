@@ -37,6 +37,8 @@ class SweepPoint:
         How far the search went; or why there is no result.
     failed : bool
         Whether the problem could not be stated or solved for these values.
+    numbers : tuple of float
+        Those of one solution that were asked for in place of all this; nan where there is none.
     """
 
     place: tuple[int, ...]
@@ -48,6 +50,7 @@ class SweepPoint:
     exhaustive: bool = False
     note: str = ""
     failed: bool = False
+    numbers: tuple[float, ...] = ()
 
     @property
     def count(self) -> int:

@@ -42,6 +42,7 @@ from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.methods import as_method
+from hemivar.solvers.quantities import check_quantity, quantity_of, unit_of
 from hemivar.systems import Workspace
 from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
 from hemivar.workflows.observed_order import observed_order
@@ -88,6 +89,9 @@ class StudyOptions:
         Whether the error on each mesh is bounded as well, see :func:`hemivar.bounds.exact_distance`.
     code : sequence of str
         Modules and files whose laws the problem file may name, as for :func:`hemivar.read_problem`.
+    columns : tuple of str
+        Numbers of each solution beside its errors, as for :func:`hemivar.sweep`; whole tables have the largest pressure
+        and stress by default.
 
     Raises
     ------
@@ -105,6 +109,7 @@ class StudyOptions:
     must_keep: bool = True
     exact: bool = False
     code: Sequence[str] = ()
+    columns: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         count = whole_number(self.refine, "refine", 1)
@@ -296,6 +301,12 @@ class Study(ReprMixin, PickleMixin):
             ),
             Column("status", status, brief=None if self.converged else ...),
         ]
+        stated = solutions[0].problem.origin if solutions else None
+        usual = ("max-pressure", "max-stress") if stated is not None and not stated.kind else ()
+        for name in self.options.columns or usual:
+            values = [quantity_of(solution, name) for solution in solutions]
+            hidden = ... if self.options.columns else None
+            columns.append(Column(name, values, name.replace("-", "_"), brief=hidden, unit=unit_of(name)))
         return ResultRows(tuple(columns))
 
     def record(self) -> Record:
@@ -355,6 +366,8 @@ def studying(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
             "whose mesh can be refined, or a function of the level to hemivar.workflows.study_levels"
         )
+    for name in options.columns:
+        check_quantity(name, stated)
     known = options.known if isinstance(options.known, KnownField) else None
     if known is not None:
         error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), stated.components)), known)
@@ -408,6 +421,7 @@ def study(
     checkpoint: str | Path | None = None,
     exact: bool = False,
     code: Sequence[str] = (),
+    columns: Sequence[str] = (),
 ) -> Study:
     """Solve a problem on finer and finer meshes, and measure errors and orders of convergence.
 
@@ -439,6 +453,8 @@ def study(
         Whether the error on each mesh is bounded as well.
     code : sequence of str
         Modules and files whose laws a problem file may name, as for :func:`hemivar.read_problem`.
+    columns : sequence of str
+        Numbers of each solution that tables show beside its errors, as for :func:`hemivar.sweep`.
 
     Returns
     -------
@@ -451,7 +467,8 @@ def study(
         An option makes no sense, a solve is refused, or the file is that of another study.
     """
     controls = Controls() if controls is None else controls
-    given = StudyOptions(refine, known, method, controls, jobs, checkpoint, exact=exact, code=code)
+    more = {"exact": exact, "code": code, "columns": tuple(columns)}
+    given = StudyOptions(refine, known, method, controls, jobs, checkpoint, **more)  # type: ignore[arg-type]
     return result_of(studying(problem, given))
 
 

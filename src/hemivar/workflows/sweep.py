@@ -26,6 +26,7 @@ from hemivar.basics.user_code import checked_code
 from hemivar.branches import SolutionsOptions
 from hemivar.branches.solutions import finding
 from hemivar.certificates import smallness
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.files.changes import Change, read_change
@@ -33,7 +34,8 @@ from hemivar.files.problem_file import parse_problem_file, read_text
 from hemivar.files.resume_log import ResumeLog
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.linear.threads import one_thread
-from hemivar.solvers import Controls
+from hemivar.solvers import Controls, Status, solve
+from hemivar.solvers.quantities import check_quantity, quantity_of, unit_of
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Notice, Phase, Work
 
@@ -45,6 +47,7 @@ _MOST_POINTS = 1_000_000
 _BEGIN = 1.0
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d{{1,18}})(:log)?\s*")
+_LIST = re.compile(rf"\s*{_NUMBER}(\s*,\s*{_NUMBER})+\s*")
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,8 @@ class SweepAxis:
 def read_axis(text: str) -> SweepAxis | Change:
     """The axis that ``key=low:high:count`` asks for, evenly spaced, or ``...:log`` evenly in the logarithm.
 
+    ``key=0.1,0.15,0.2`` lists its values.
+
     The values are rounded to 12 digits; they are whole numbers if the ends and all between are.  What is no range is a
     value, which replaces that of the file.
 
@@ -104,6 +109,10 @@ def read_axis(text: str) -> SweepAxis | Change:
     """
     key, _, written = text.partition("=")
     limits = _RANGE.fullmatch(written)
+    if _LIST.fullmatch(written):
+        listed = [one.strip() for one in written.split(",")]
+        whole = all(re.fullmatch(r"[-+]?\d+", one) for one in listed)
+        return SweepAxis(Change(key.strip(), 0).key, tuple(int(one) if whole else float(one) for one in listed))
     if limits is None:
         return read_change(text)
     key = Change(key.strip(), 0).key
@@ -139,6 +148,9 @@ class SweepOptions:
         Values that replace those of the problem file at every point.
     code : sequence of str
         Modules and files whose laws the problem file may name, as for :func:`hemivar.read_problem`.
+    columns : tuple of str
+        Numbers of the solution, as :func:`hemivar.solvers.quantities.check_quantity` has them: each point is then
+        solved once, and neither are further solutions looked for nor is the margin computed.
 
     Raises
     ------
@@ -152,6 +164,7 @@ class SweepOptions:
     changes: tuple[Change, ...] = ()
     must_keep: bool = True
     code: Sequence[str] = ()
+    columns: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         checked_code(self.code)
@@ -186,12 +199,15 @@ class Sweep(ReprMixin):
         Whether the work was stopped from the keyboard.
     unkept : str
         Why the points could not be kept in their file; empty if they were, and if none was asked for.
+    columns : tuple of str
+        The numbers of a solution that were asked for; :attr:`SweepPoint.numbers` has them.
     """
 
     axes: tuple[SweepAxis, ...]
     points: tuple[SweepPoint, ...]
     interrupted: bool = False
     unkept: str = ""
+    columns: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         keys = ", ".join(f"{axis.key} of {len(axis.values)}" for axis in self.axes)
@@ -199,6 +215,8 @@ class Sweep(ReprMixin):
         numbers = ", ".join(map(str, counts[:8])) + (", ..." if len(counts) > 8 else "")
         failed = sum(point.failed for point in self.points)
         more = f", {failed} without a result" if failed else ""
+        if self.columns:
+            return f"Sweep({keys} values; {len(self.points)} points done{more}; {', '.join(self.columns)})"
         return f"Sweep({keys} values; {len(self.points)} points done{more}; numbers of solutions: {numbers or 'none'})"
 
     @property
@@ -231,10 +249,19 @@ class Sweep(ReprMixin):
         return tuple(axis.values[i] for axis, i in zip(self.axes, point.place, strict=True))
 
     def rows(self) -> ResultRows:
-        """A row for each point: parameters, numbers of solutions and of minimisers, margin, the lowest solution."""
+        """A row for each point: its parameters, and the columns that were asked for.
+
+        Else numbers of solutions and of minimisers, margin, and the lowest solution.
+        """
         points = self.points
         values = [[one if isinstance(one, int | float | str) else str(one) for one in self.values(p)] for p in points]
         columns = [Column(axis.key, [row[k] for row in values], axis.key) for k, axis in enumerate(self.axes)]
+        if self.columns:
+            notes = [point.note for point in points]
+            numbers = np.array([point.numbers or (math.nan,) * len(self.columns) for point in points])
+            for name, column in zip(self.columns, numbers.reshape(-1, len(self.columns)).T, strict=True):
+                columns.append(Column(name, column, name, unit=unit_of(name)))
+            return ResultRows((*columns, Column("note" if any(notes) else None, notes, "note")))
         notes = [point.note if point.failed else "" for point in points]
         others = [None if point.failed else "no" if point.exhaustive else "perhaps" for point in points]
         columns += [
@@ -276,6 +303,7 @@ class _Task:
     search: SolutionsOptions
     changes: tuple[Change, ...]
     code: Sequence[str]
+    columns: tuple[str, ...]
 
 
 @known_keywords
@@ -292,6 +320,7 @@ def sweep(
     controls: Controls | None = None,
     changes: Sequence[Change] = (),
     code: Sequence[str] = (),
+    columns: Sequence[str] = (),
 ) -> Sweep:
     """Solve a problem for every combination of some values of its parameters: a map of solutions and margins.
 
@@ -319,6 +348,9 @@ def sweep(
         Values that replace those of the file at every point.
     code : sequence of str
         Modules and files whose laws the file may name, as for :func:`hemivar.read_problem`.
+    columns : sequence of str
+        Numbers of the solution, such as ``"max-pressure"`` or ``"support.bolt.force"``: each point is solved once, and
+        its further solutions and its margin are left out.
 
     Returns
     -------
@@ -331,7 +363,8 @@ def sweep(
         There are no parameters or too many points, or every point fails.
     """
     search = SolutionsOptions(starts, max_solutions, seed, Controls() if controls is None else controls)
-    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, checkpoint, tuple(changes), code=code)))
+    options = SweepOptions(search, jobs, checkpoint, tuple(changes), code=code, columns=tuple(columns))
+    return result_of(sweeping(problem, axes, options))
 
 
 @expecting(options=SweepOptions)
@@ -388,7 +421,9 @@ def sweeping(
         among = set(indices)
         done = {point.place: point for point in record if point.place in among}
     tasks = [
-        _Task(index, _values(given, index), keys, source, options.search, options.changes, options.code)
+        _Task(
+            index, _values(given, index), keys, source, options.search, options.changes, options.code, options.columns
+        )
         for index in indices
         if index not in done
     ]
@@ -407,7 +442,8 @@ def sweeping(
     except KeyboardInterrupt:
         interrupted = True
     unkept = "" if record is None else record.unkept
-    result = Sweep(given, tuple(done[index] for index in indices if index in done), interrupted, unkept)
+    points_done = tuple(done[index] for index in indices if index in done)
+    result = Sweep(given, points_done, interrupted, unkept, options.columns)
     if result.complete and all(point.failed for point in result.points):
         raise ProblemError(f"sweep: no point has a solution; the first: {result.points[0].note}")
     return result
@@ -416,6 +452,7 @@ def sweeping(
 def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptions) -> str:
     """What tells whether two sweeps are the same work: of the file with all that it reads, parameters and options."""
     parts: list[object] = [[(axis.key, axis.values) for axis in axes], options.changes, options.search]
+    parts += [options.columns] if options.columns else []
     if isinstance(problem, str | Path):
         text = read_text(problem)
         parts.append(text)
@@ -461,6 +498,8 @@ def _values(axes: Sequence[SweepAxis], index: Sequence[int]) -> tuple[object, ..
 def _outcome(point: SweepPoint) -> str:
     if point.failed:
         return point.note
+    if point.numbers:
+        return point.note or "solved"
     more = "" if point.exhaustive else " at least"
     return f"{point.count} solution{'s' if point.count != 1 else ''}{more}, margin {point.margin:.3g}"
 
@@ -489,6 +528,8 @@ def _computed(task: _Task) -> SweepPoint:
         takes = "let it take a value of each parameter and return a problem"
         stated = cast(ProblemLike, answer(task.source, task.values, "sweep", takes))
     problem, workspace = as_discrete(stated, "sweep"), Workspace()
+    if task.columns:
+        return _numbers(task, problem)
     solutions = result_of(finding(problem, task.search, workspace))
     if solutions.interrupted:
         raise KeyboardInterrupt
@@ -506,3 +547,19 @@ def _computed(task: _Task) -> SweepPoint:
         solutions.exhaustive,
         solutions.searched,
     )
+
+
+def _numbers(task: _Task, problem: DiscreteProblem) -> SweepPoint:
+    """The numbers that are asked for, of one solve; of one that did not converge up to which load it was carried."""
+    if problem.origin is None:
+        raise ProblemError("columns are numbers of a ContactProblem, and this problem was made of arrays")
+    for name in task.columns:
+        check_quantity(name, problem.origin)
+    solution = solve(problem, controls=task.search.controls)
+    if solution.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    converged = solution.status is Status.CONVERGED
+    named = [name if converged or name == "load-factor" else "" for name in task.columns]
+    numbers = tuple(quantity_of(solution, name) if name else math.nan for name in named)
+    note = "" if converged else f"{solution.status.value}: {solution.remedy}"
+    return SweepPoint(task.place, note=note, failed=bool(np.isnan(numbers).all()), numbers=numbers)
