@@ -12,9 +12,9 @@ import pytest
 import hemivar as hv
 from hemivar.cli.app import main
 from hemivar.errors import ProblemError
-from hemivar.solvers.quantities import quantity_of
+from hemivar.solvers.numbers_by_name import quantity_of
 from hemivar.workflows.sweep import SweepAxis, read_axis
-from tests.solvers.test_quantities import pressed
+from tests.solvers.test_numbers_by_name import pressed
 
 NAMES = ("max-pressure", "max-stress", "support.left.force", "load-factor")
 

@@ -133,7 +133,7 @@ class PathCommand(OnProblem):
 
     def check(self) -> None:
         from hemivar.branches.path_quantities import QUANTITIES
-        from hemivar.solvers.quantities import parted
+        from hemivar.solvers.numbers_by_name import parted
 
         check_load_factors(*self.load_factor)
         parts = None if self.quantity is None else parted(self.quantity)
@@ -144,7 +144,7 @@ class PathCommand(OnProblem):
     def work(self) -> Done:
         from hemivar.report.path_diagrams import along, fitting_quantity, path_record, plot_path
         from hemivar.report.summary import Summary
-        from hemivar.solvers.quantities import check_quantity, parted
+        from hemivar.solvers.numbers_by_name import check_quantity, parted
         from hemivar.workflows import PathOptions, path
 
         session = self.session

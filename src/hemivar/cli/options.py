@@ -210,6 +210,6 @@ def method_named(name: str) -> Solver:
 
 def columns_of(names: str | None, problem: ContactProblem) -> tuple[str, ...]:
     """The numbers of ``--columns``, which the problem has."""
-    from hemivar.solvers.quantities import check_quantity
+    from hemivar.solvers.numbers_by_name import check_quantity
 
     return tuple(check_quantity(name.strip(), problem) for name in names.split(",")) if names else ()

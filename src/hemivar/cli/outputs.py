@@ -38,6 +38,7 @@ _SUFFIXES = {
     "--arrays": (".npz",),
     "--csv": (".csv",),
     "--latex": (".tex",),
+    "--report": (".html",),
     "--fields": (".pvd",),
     "--table": (".csv", ".parquet"),
     "--animation": (".gif", ".mp4"),

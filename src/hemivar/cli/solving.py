@@ -80,6 +80,10 @@ class SolveCommand(OnProblem):
     max_unknowns: Annotated[int | None, option("Limit of unknowns of adaptive meshes (300000).", of="N")] = None
     max_memory: Annotated[float | None, option("Limit of memory of adaptive meshes (what is free).", of="GIB")] = None
     csv: Annotated[opt.File, written("Write the contact points as CSV; with --adaptive the meshes.", "FILE.csv")] = None
+    report: Annotated[
+        opt.File, written("Write a page: the problem, pictures, forces and the certificate.", "FILE.html")
+    ] = None
+    check_mesh: Annotated[bool, option("Solve on the halved mesh too, for --report.", "--check-mesh")] = False
     plot_error: Annotated[opt.File, written("Draw the error against the unknowns (adaptive).")] = None
     plot_meshes: Annotated[opt.File, written("Draw the meshes, coarse to fine (adaptive).")] = None
     given: opt.Given = None
@@ -99,7 +103,7 @@ class SolveCommand(OnProblem):
             if self._value(name) is not None:
                 raise ProblemError(f"{name} goes with --adaptive; give both, or leave it out")
         if self.engine == "petsc":
-            own = ("--method", "--arrays", "--csv", "--exact", "--load-factor", "--plot", "--plot-contact")
+            own = ("--method", "--arrays", "--csv", "--report", "--exact", "--load-factor", "--plot", "--plot-contact")
             self.refuse("scipy", *own)
             if self.resume and self.checkpoint is None:
                 raise ProblemError("--resume needs a checkpoint; name it by --checkpoint FILE")
@@ -111,6 +115,8 @@ class SolveCommand(OnProblem):
     def check_shared(self) -> None:
         """Refuse what makes no sense, adaptively or not."""
         check_colour(self.colour, {"--plot": self.plot})
+        if self.check_mesh and (self.report is None or self.adaptive is not None):
+            raise ProblemError("--check-mesh goes with --report on one mesh; give both, or leave it out")
         if self.arrays is not None and self.json is None:
             raise ProblemError("--arrays goes with --json, which names them; give both, or leave it out")
         if self.arrays is not None and self.json is not None and not same_file(self.arrays.parent, self.json.parent):
@@ -172,8 +178,22 @@ class SolveCommand(OnProblem):
             ],
             "--csv": lambda path: write_csv(solution, path, self.session.stated.units),
             "--vtu": lambda path: self.backend.write_vtu(solution, path),
+            "--report": lambda path: self._page(solution, certificate, path),
             **pictures_of(self.session, solution, certificate, self.colour),
         }
+
+    def _page(self, solution: Solution, certificate: Certificate | None, path: Path) -> Path:
+        from hemivar.report.page import write_page
+        from hemivar.workflows import StudyOptions, result_of, studying
+
+        session, finer = self.session, None
+        if self.check_mesh and solution.status.value == "converged":
+            problem = session.stated.problem
+            elastic = () if problem.kind else ("max-pressure", "max-stress", "normal-force")
+            columns = (*elastic, *(f"support.{name}.force" for name in problem.supports if elastic))
+            options = StudyOptions(1, None, session.solver(self.method), session.controls, columns=columns)
+            finer = result_of(studying(problem, options))
+        return write_page(solution, path, certificate, units=session.stated.units, finer=finer)
 
     def _not_converged(self, solution: Solution) -> None:
         self.writer.complain()

@@ -14,7 +14,7 @@ from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
 from hemivar.errors import ProblemError
 from hemivar.fem.contact_basis import nodal_depths
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes, axes_on, drawing, legend_beside, with_unit
-from hemivar.solvers.quantities import parted
+from hemivar.solvers.numbers_by_name import parted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -42,7 +42,7 @@ from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.methods import as_method
-from hemivar.solvers.quantities import check_quantity, quantity_of, unit_of
+from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
 from hemivar.systems import Workspace
 from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
 from hemivar.workflows.observed_order import observed_order

@@ -35,7 +35,7 @@ from hemivar.files.resume_log import ResumeLog
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls, Status, solve
-from hemivar.solvers.quantities import check_quantity, quantity_of, unit_of
+from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Notice, Phase, Work
 
@@ -149,7 +149,7 @@ class SweepOptions:
     code : sequence of str
         Modules and files whose laws the problem file may name, as for :func:`hemivar.read_problem`.
     columns : tuple of str
-        Numbers of the solution, as :func:`hemivar.solvers.quantities.check_quantity` has them: each point is then
+        Numbers of the solution, as :func:`hemivar.solvers.numbers_by_name.check_quantity` has them: each point is then
         solved once, and neither are further solutions looked for nor is the margin computed.
 
     Raises
@@ -552,7 +552,9 @@ def _computed(task: _Task) -> SweepPoint:
 def _numbers(task: _Task, problem: DiscreteProblem) -> SweepPoint:
     """The numbers that are asked for, of one solve; of one that did not converge up to which load it was carried."""
     if problem.origin is None:
-        raise ProblemError("columns are numbers of a ContactProblem, and this problem was made of arrays")
+        raise ProblemError(
+            "columns are numbers of a ContactProblem, and this problem was made of arrays; leave them out"
+        )
     for name in task.columns:
         check_quantity(name, problem.origin)
     solution = solve(problem, controls=task.search.controls)

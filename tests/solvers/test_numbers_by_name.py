@@ -7,7 +7,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
-from hemivar.solvers.quantities import check_quantity, quantity_of, unit_of
+from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
 
 
 def pressed(load: float = -1.0) -> hv.ContactProblem:
