@@ -95,6 +95,7 @@ def examples() -> dict[str, list[object]]:
         hv.Roller(),
         hv.Fixed(x=0.5, y=Formula("x")),
         hv.Prescribed(vector),
+        hv.mechanics.Spring(2.0, Formula("x")),
         hv.Pressure(2.0),
         hv.Plane(vector, (1.0, 3.0)),
         hv.mechanics.Sphere(vector, 2.0, True),

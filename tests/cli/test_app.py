@@ -892,4 +892,7 @@ def test_commands_say_how_a_mesh_file_was_read(
     )
     assert (code, err) == (0, ""), err + out
     assert out.count("mesh file         1 quadrilaterals were split into 4 triangles\n") == 1
-    assert out.count("mesh file         group 'corner' holds points only; it was ignored\n") == 1
+    assert (
+        out.count("mesh file         group 'corner' holds points only; it is a set of nodes, which supports may name\n")
+        == 1
+    )

@@ -255,6 +255,12 @@ def _resting(contact: hv.Contact, up: float) -> hv.ContactProblem:
     return _plane(contact, 0.25 * up, supports={"left": hv.Roller()})
 
 
+def _sprung(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A block on springs, one of whose corners is held."""
+    supports = {"left": hv.mechanics.Spring(50.0, 50.0), "pin": hv.Fixed(x=0.0, at=(1.0, 1.0))}
+    return _plane(contact, up, supports=supports)
+
+
 def _membrane(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """On a foundation beneath its middle."""
     mesh = hv.rectangle((1.0, 1.0), 3)
@@ -349,6 +355,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "quadratic tetrahedra": partial(_space, order=2),
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
     "resting": _resting,
+    "sprung": _sprung,
     "pair": _pair,
     "glued inside": _glued,
     "cracked": _cracked,

@@ -36,6 +36,7 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "axisymmetric"): "body of revolution",
     ("body", "stiffened"): "stress stiffening",
     ("body", "resting"): "held by contact",
+    ("body", "sprung"): "on springs",
     ("body", "parts"): "two parts",
     ("body", "pair"): "two bodies that touch",
     ("body", "glued inside"): "an opened interface",

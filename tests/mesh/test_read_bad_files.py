@@ -252,7 +252,7 @@ def test_what_could_not_be_taken_is_said(tmp_path: Path) -> None:
         "surface 'skin' has a row without the number of a face (S1, S2, ...); it was ignored",
         "elements MASS belong to no body and were ignored",
         "'all' is a group of all nodes; it was ignored",
-        "'point' is a group between whose nodes there is no facet of the boundary; it was ignored",
+        "group 'point' holds nodes only; it is a set of nodes, which supports may name",
     )
     assert {path.suffix for path in FILES.iterdir()} >= {
         ".inp",

@@ -54,6 +54,8 @@ class Form(StrEnum):
     """The name of a file, with one of the endings if there are any."""
     POINT = "point"
     """A number for each direction."""
+    POINTS = "points"
+    """A point, or a list of points."""
     QUANTITY = "quantity"
     """A number, or a formula of the place."""
     VECTOR = "vector"

@@ -62,7 +62,7 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
     mesh = problem.mesh
     while coarsest and mesh.parent is not None:
         mesh = mesh.parent.mesh
-    supports = {name: _at_rest(support) for name, support in problem.supports.items()}
+    supports = {name: _at_rest(support) for name, support in problem.held_boundaries.items()}
     contact = {
         side: Contact(NoContact(), obstacle=contact.obstacle, normals=contact.normals)
         for name, contact in problem.contact.items()
@@ -126,7 +126,8 @@ def _at_rest(support: Support | ScalarData) -> Support | ScalarData:
     if isinstance(support, Prescribed):
         return Clamped()
     if isinstance(support, Fixed):
-        return Fixed(*(None if value is None else 0.0 for value in (support.x, support.y, support.z)))
+        x, y, z = (None if value is None else 0.0 for value in (support.x, support.y, support.z))
+        return Fixed(x, y, z)
     return support
 
 

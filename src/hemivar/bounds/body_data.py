@@ -315,6 +315,11 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
         raise ProblemError("in 3D admissible stresses are made of linear elements; use order = 1")
     if callable(problem.bedding) or problem.bedding:
         raise ProblemError("admissible stresses are made of bodies without bedding; leave the bedding out")
+    if len(problem.held_boundaries) < len(problem.supports):
+        raise ProblemError(
+            "admissible stresses are made of bodies held on boundaries, not at points or by springs; hold a boundary, "
+            "or compare with a finer mesh"
+        )
     if problem.initially_stressed:
         raise ProblemError(
             "admissible stresses are made of bodies without initial stress or strain; leave it out, or compare with a "

@@ -651,7 +651,7 @@ def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
 
 def _ends(problem: ContactProblem, mesh: Mesh) -> IntArray:
     """Nodes where a support ends."""
-    facets = np.concatenate([mesh.boundaries[name] for name in problem.supports])
+    facets = np.concatenate([mesh.boundaries[name] for name in problem.held_boundaries])
     supported = np.unique(np.sort(facets, axis=1), axis=0)
     outer = np.concatenate([np.sort(mesh.boundary_facets, axis=1), supported])
     every, counts = np.unique(outer, axis=0, return_counts=True)

@@ -30,6 +30,7 @@ from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.laws import ContactLaw, Friction
 from hemivar.laws.coupled import bounded
 from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.mechanics.conditions import Spring
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import BoundsBy
 from hemivar.mechanics.statement import ContactProblem
@@ -550,7 +551,8 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
         plain = replace(origin, material=Material.gradient(1.0, origin.kind), bedding=0.0)
         energy = energy_norm(discretize(plain, check_coercivity=False))
     elif origin is not None and not factorises(problem):
-        body = replace(origin, material=_RING_NORM if field.ring else _NORM, bedding=0.0)
+        held = {name: one for name, one in origin.supports.items() if not isinstance(one, Spring)}
+        body = replace(origin, material=_RING_NORM if field.ring else _NORM, bedding=0.0, supports=held)
         energy = energy_norm(discretize(body, check_coercivity=False, evolving=True))
     else:
         strain = stiffness_matrix(field.mesh, _RING_NORM if field.ring else _NORM, field.order)

@@ -82,15 +82,26 @@ def admitted(moved: Array) -> Array:
 
 
 def free_motions(
-    mesh: Mesh, order: int, basis: sp.csr_array, lift: sp.csr_array, own: sp.csc_array, ring: bool
-) -> RigidModes:
-    """The motions without deformation that a body has left, by its mesh and its supports.
+    mesh: Mesh, order: int, basis: sp.csr_array, lift: sp.csr_array, own: sp.csc_array, ring: bool,
+    resisted: tuple[IntArray, Array] | None = None,
+) -> RigidModes:  # fmt: skip
+    """The motions without deformation that a body has left, by its mesh, its supports and their springs.
 
     All but the mesh is of :class:`hemivar.discrete.Field`.
     """
     stopped = _stopped(mesh.dim, basis, lift, own)
+    if resisted is not None:
+        stopped = _sums(stopped, resisted)
     able = np.eye(3)[:, [1]] if ring else np.eye(3 if mesh.dim == 2 else 6)  # of rings along the axis
     return (_of_one if mesh.parts.count == 1 else _of_many)(mesh, order, stopped, able)
+
+
+def _sums(one: tuple[IntArray, Array], other: tuple[IntArray, Array]) -> tuple[IntArray, Array]:
+    """Matrices at nodes, summed where both are: what neither of two stops is in the kernel of the sum."""
+    nodes, number = np.unique(np.concatenate([one[0], other[0]]), return_inverse=True)
+    sums = np.zeros((len(nodes), *other[1].shape[1:]))
+    np.add.at(sums, number, np.concatenate([one[1], other[1]]))
+    return nodes, sums
 
 
 def no_motions(mesh: Mesh, size: int) -> RigidModes:

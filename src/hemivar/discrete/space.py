@@ -11,7 +11,7 @@ from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.constants import free_constants
 from hemivar.discrete.rigid_modes import RigidModes, free_motions
 from hemivar.errors import ProblemError
@@ -54,6 +54,8 @@ class Field(PickleMixin):
         The unknowns say more than the field, such as the slopes of a plate: values give no unknowns back.
     ring : bool
         A displacement of a body of revolution about the second axis, which alone it can follow without strain.
+    resisted : int array (k,) and array (k, d, d), optional
+        Nodes at springs, and matrices that are not negative and zero for displacements without force of a spring.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class Field(PickleMixin):
     rigid: bool = True
     ring: bool = False
     partial: bool = False
+    resisted: tuple[IntArray, Array] | None = None
 
     def __post_init__(self) -> None:
         expect(self.mesh, Mesh, "the mesh of a field", "hemivar.rectangle, hemivar.box and read_mesh make one")
@@ -146,7 +149,7 @@ class Field(PickleMixin):
         """The motions without strain, or without gradient, that supports leave to a displacement or one component."""
         if self.constants:
             return free_constants(self.mesh, self.basis)
-        return free_motions(self.mesh, self.order, self.basis, self.lift, self.own, self.ring)
+        return free_motions(self.mesh, self.order, self.basis, self.lift, self.own, self.ring, self.resisted)
 
     def full(self, unknowns: Array) -> Array:
         """Nodal values ``P u + u0`` of a vector of unknowns.

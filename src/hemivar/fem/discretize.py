@@ -49,6 +49,7 @@ from hemivar.fem.energy_integral import EnergyIntegral, bedded_energy
 from hemivar.fem.lift import lifted
 from hemivar.fem.locking import locking_warning
 from hemivar.fem.mass import bedding_share, body_blocks, stated_bedding
+from hemivar.fem.springs import resisted_directions
 from hemivar.fem.stress_stiffness import refuse_stiffening
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.instants import depends_on_time
@@ -139,7 +140,7 @@ def _discretize(
     full_load = stated_load(problem)
     field = Field(
         mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift,
-        constants=problem.components == 1, ring=problem.kinematics.ring,
+        constants=problem.components == 1, ring=problem.kinematics.ring, resisted=resisted_directions(problem),
     )  # fmt: skip
     contact, offset, law, energy = conditions.contact()
     if problem.material.linear:
@@ -204,7 +205,7 @@ class _DiscreteBody:
 def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
     mesh, order, prescribed = problem.mesh, problem.order, conditions.prescribed
     reaction = np.zeros_like(prescribed)
-    blocks = body_blocks(mesh, problem.material, problem.bedding, node_graph(mesh, order))
+    blocks = body_blocks(problem, node_graph(mesh, order))
     bedded = _bedded(problem, blocks)
     if prescribed.any():
         reaction = blocks.times(conditions.supports.value).ravel()
@@ -220,7 +221,7 @@ def _stored(problem: ContactProblem, conditions: NodalConditions) -> EnergyInteg
 
 def _nonlinear(problem: ContactProblem, integral: EnergyIntegral) -> _DiscreteBody:
     bulk = Potential(integral)
-    bedded = 0.0 if integral.body.bedding is None else _bedded(problem, integral.body.blocks(integral.prescribed))
+    bedded = 0.0 if integral.body.ground is None else _bedded(problem, integral.body.blocks(integral.prescribed))
     reaction = integral.forces(np.zeros(integral.unknowns)).ravel()
     return _DiscreteBody(bulk, reaction, bulk.initial_value, bedded)
 

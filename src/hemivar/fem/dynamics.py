@@ -25,11 +25,10 @@ from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral
 from hemivar.fem.mass import MassDensity, body_blocks, inertia, mass_blocks, per_volume
 from hemivar.fem.mortar_basis import JumpUnknowns
-from hemivar.fem.supports import Supports
+from hemivar.fem.supports import Supports, supported_nodes
 from hemivar.fem.unknowns import matrix_of, nodal_conditions
 from hemivar.mechanics.conditions import ScalarData, Support, stated_values
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.mesh.boundary_rule import boundary_rule
 
 __all__ = ["Reduction", "body_family", "moved_components"]
 
@@ -104,7 +103,7 @@ def body_family(
     conditions, graph = nodal_conditions(problem, pairs), node_graph(mesh, problem.order)
     moved = moved_components(problem, conditions.supports)
     reduction = Reduction(discrete, moved, conditions.free, conditions.directions, conditions.jumps)
-    stiffness = reduction.stiffness(lambda: body_blocks(mesh, material, problem.bedding, graph))
+    stiffness = reduction.stiffness(lambda: body_blocks(problem, graph))
 
     def made(law: ConstitutiveLaw) -> Operator:
         return reduction.part(stiffness_blocks(mesh, law, graph), stiffness)
@@ -127,7 +126,7 @@ def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
     names = [name for name, support in problem.supports.items() if problem.thermal or _moves(support)]
     if not names:
         return np.zeros(0, dtype=np.int64)
-    nodes = np.unique(np.concatenate([boundary_rule(problem.mesh, name, problem.order).nodes for name in names]))
+    nodes = np.unique(np.concatenate([supported_nodes(problem, name)[0] for name in names]))
     fixed = np.abs(supports.directions[nodes]).max(axis=1) > 0.0
     node, component = np.nonzero(fixed)
     return np.asarray(nodes[node] * problem.components + component, dtype=np.int64)

@@ -15,9 +15,10 @@ from hemivar.fem.assembly import portions, stiffness_blocks
 from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives
-from hemivar.fem.mass import mass_blocks, stated_bedding
+from hemivar.fem.mass import stated_bedding, with_ground
 from hemivar.fem.mortar_basis import JumpUnknowns
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
+from hemivar.fem.springs import stated_springs
 from hemivar.fem.unknowns import matrix_of
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -127,42 +128,43 @@ class NodalEnergy(PickleMixin):
 
 @dataclass(frozen=True, eq=False)
 class BeddedEnergy(PickleMixin):
-    """A stored energy of nodal values (nodes, c) with that of a bedding."""
+    """A stored energy of nodal values (nodes, c) with that of a bedding and of springs."""
 
     nodal: NodalEnergy
-    bedding: EdgeBlocks | None = None  # its stiffness, in components along the axes
+    ground: EdgeBlocks | None = None  # the stiffness of these, in components along the axes
 
     def value(self, field: Array) -> float:
         """The energy."""
-        own = 0.0 if self.bedding is None else 0.5 * float(np.vdot(field, self.bedding.times(field)))
+        own = 0.0 if self.ground is None else 0.5 * float(np.vdot(field, self.ground.times(field)))
         return self.nodal.value(field) + own
 
     def forces(self, field: Array) -> Array:
         """Its derivative (nodes, c): internal forces and those of the bedding."""
         forces = self.nodal.forces(field)
-        return forces if self.bedding is None else forces + self.bedding.times(field)
+        return forces if self.ground is None else forces + self.ground.times(field)
 
     def blocks(self, field: Array) -> EdgeBlocks:
         """Its second derivative by nodes and edges."""
-        return self._with_bedding(self.nodal.blocks(field))
+        return self._with_ground(self.nodal.blocks(field))
 
     def bound(self, upper: bool) -> EdgeBlocks:
         """The stiffness of the upper tensor, or of the lower one."""
-        return self._with_bedding(self.nodal.bound(upper))
+        return self._with_ground(self.nodal.bound(upper))
 
-    def _with_bedding(self, blocks: EdgeBlocks) -> EdgeBlocks:
-        if self.bedding is not None:
-            np.add(blocks.diagonal, self.bedding.diagonal, out=blocks.diagonal)
-            np.add(blocks.upper, self.bedding.upper, out=blocks.upper)
+    def _with_ground(self, blocks: EdgeBlocks) -> EdgeBlocks:
+        if self.ground is not None:
+            np.add(blocks.diagonal, self.ground.diagonal, out=blocks.diagonal)
+            np.add(blocks.upper, self.ground.upper, out=blocks.upper)
         return blocks
 
 
 def bedded_energy(problem: ContactProblem) -> BeddedEnergy:
-    """The energy of nodal values, with that of a bedding."""
-    mesh, bedding = problem.mesh, stated_bedding(problem)
+    """The energy of nodal values, with that of a bedding and of springs."""
+    mesh = problem.mesh
     nodal = NodalEnergy(mesh, problem.order, EnergyLaw.of(problem.material, mesh.dim))
-    empty = nodal.graph.zeros(problem.components)
-    return BeddedEnergy(nodal, None if bedding.none else mass_blocks(mesh, bedding, nodal.graph, empty))
+    free = stated_bedding(problem).none and not stated_springs(problem)
+    ground = None if free else with_ground(problem, nodal.graph.zeros(problem.components), nodal.graph)
+    return BeddedEnergy(nodal, ground)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from hemivar.fem.contact_points import BoundaryContact
 from hemivar.fem.discretize import coarse_problem
 from hemivar.fem.dynamics import body_family
 from hemivar.fem.stress_stiffness import Stressed, stressed_problem
+from hemivar.fem.supports import on_coarser
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Coarser", "coarser", "family_of", "has_coarser", "tangent_problem"]
@@ -114,7 +115,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     nodal = sp.csr_array(sp.kron(interpolation, sp.eye_array(field.components), format="csr"))
     pairs = _pairs(problem, interpolation, nodal)
     start = field.prescribed.reshape(-1, field.components)[shared]
-    coarse = coarse_problem(replace(statement, mesh=mesh, order=1), start, pairs)
+    coarse = coarse_problem(on_coarser(statement, mesh), start, pairs)
     assert coarse.field is not None
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < ROUNDED] = 0.0

@@ -18,8 +18,8 @@ from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.reactions import support_reactions
-from hemivar.mechanics import Clamped, ContactProblem, Fixed, Prescribed, Roller
-from hemivar.mechanics.conditions import ScalarData, Support
+from hemivar.mechanics import ContactProblem
+from hemivar.mechanics.conditions import at_rest
 
 __all__ = ["LoadLine", "load_names"]
 
@@ -87,7 +87,7 @@ class LoadLine:
                 raise ProblemError("constant loads are named in a ContactProblem; give one, or unloaded=")
             return cls(problem)
         _check_loads(stated, constant)
-        moves = any(_at_rest(support, stated.mesh.dim) is not support for support in stated.supports.values())
+        moves = any(at_rest(support, stated.mesh.dim) is not support for support in stated.supports.values())
         stays = bool(constant) or stated.initially_stressed
         if not (moves or stays):
             return cls(problem)
@@ -221,19 +221,5 @@ def _with_loads(problem: ContactProblem, names: Collection[str]) -> ContactProbl
 
 def _unloaded(problem: ContactProblem, constant: Collection[str]) -> ContactProblem:
     """The statement with its constant loads alone, and without prescribed displacements."""
-    supports = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
+    supports = {name: at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
     return replace(_with_loads(problem, constant), supports=supports)
-
-
-def _at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:
-    """The support with its prescribed displacements taken away; itself if it has none."""
-    if isinstance(support, Prescribed):
-        return Prescribed(np.zeros(dim))
-    if isinstance(support, Fixed):
-        values = (support.x, support.y, support.z)
-        zero = [None if value is None else 0.0 for value in values]
-        moves = any(callable(value) or (value is not None and np.any(value)) for value in values)
-        return Fixed(*zero) if moves else support
-    if isinstance(support, Clamped | Roller):
-        return support
-    return 0.0 if callable(support) or support else support

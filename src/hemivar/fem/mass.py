@@ -16,7 +16,7 @@ from hemivar.fem.constitutive import elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
-from hemivar.mechanics.conditions import ScalarData
+from hemivar.fem.springs import add_springs
 from hemivar.mechanics.gradient_material import GradientMaterial
 from hemivar.mechanics.kinematics import BodyKinematics
 from hemivar.mechanics.material import Material
@@ -36,6 +36,7 @@ __all__ = [
     "mass_matrix",
     "per_volume",
     "stated_bedding",
+    "with_ground",
 ]
 
 
@@ -127,13 +128,19 @@ def mass_matrix(mesh: Mesh, density: MassDensity, order: int = 1) -> sp.csr_arra
     return mass_blocks(mesh, density, node_graph(mesh, order)).matrix()
 
 
-def body_blocks(mesh: Mesh, material: Material, bedding: ScalarData, graph: NodeGraph | None = None) -> EdgeBlocks:
-    """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given."""
-    refuse_nonlinear(material)
-    graph = node_graph(mesh, 1) if graph is None else graph
-    blocks = stiffness_blocks(mesh, elastic(material, mesh.dim), graph)
-    resisting = per_volume(bedding, "bedding").over(BodyKinematics.of(material, mesh.dim))
-    return blocks if resisting.none else mass_blocks(mesh, resisting, graph, blocks)
+def body_blocks(problem: ContactProblem, graph: NodeGraph) -> EdgeBlocks:
+    """Stiffness with that of a bedding and of springs, by nodes and edges."""
+    refuse_nonlinear(problem.material)
+    return with_ground(
+        problem, stiffness_blocks(problem.mesh, elastic(problem.material, problem.mesh.dim), graph), graph
+    )
+
+
+def with_ground(problem: ContactProblem, blocks: EdgeBlocks, graph: NodeGraph) -> EdgeBlocks:
+    """Blocks with those of a bedding and of springs, in place."""
+    add_springs(problem, blocks)
+    bedding = stated_bedding(problem)
+    return blocks if bedding.none else mass_blocks(problem.mesh, bedding, graph, blocks)
 
 
 def bedding_share(mesh: Mesh, order: int, density: MassDensity, diagonal: Array) -> float:

@@ -17,6 +17,7 @@ from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses, stated_bedding
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import hoop_matrices
+from hemivar.fem.springs import stated_springs
 from hemivar.fem.stress_stiffness import nodal_stiffness
 from hemivar.fem.supports import stated_supports, sum_by
 from hemivar.mechanics.statement import ContactProblem
@@ -62,10 +63,12 @@ def support_reactions(
     if stated.stiffening:
         force += nodal_stiffness(stated, displacement) @ displacement
     amounts = np.einsum("kqd,kd->kq", supports.directions, force)
-    return {
+    springs = {name: -one.forces(displacement).sum(axis=0) for name, one in stated_springs(stated).items()}
+    held = {
         name: np.einsum("kq,kqd->d", np.where(supports.owner == number, amounts, 0.0), supports.directions)
-        for number, name in ((supports.names.index(name), name) for name in stated.supports)
+        for number, name in enumerate(supports.names)
     }
+    return {name: {**held, **springs}.get(name, np.zeros(displacement.shape[1])) for name in stated.supports}
 
 
 def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
@@ -86,9 +89,11 @@ def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
 def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
     """Forces that some cells exert on the nodes against a displacement, shape (nodes, c): their part of ``K U``.
 
-    That of a bedding is counted."""
+    That of a bedding, and of springs, is counted."""
     mesh, order = problem.mesh, problem.order
     forces = _of_material(problem, displacement, cells)
+    for springs in stated_springs(problem).values():
+        forces = forces + springs.forces(displacement)
     bedding = stated_bedding(problem)
     if not bedding.none:
         nodes = mesh.cell_nodes(order)[cells]

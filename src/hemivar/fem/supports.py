@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hemivar.basics.arrays import SAME
@@ -14,18 +16,34 @@ from hemivar.mechanics.conditions import (
     Prescribed,
     Roller,
     ScalarData,
+    Spring,
     Support,
+    at_rest,
 )
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.boundary_rule import BoundaryRule, boundary_rule
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["DEPENDENT", "SHARP", "Supports", "in_words", "movable", "stated_supports", "sum_by", "unit"]
+__all__ = [
+    "DEPENDENT",
+    "SHARP",
+    "Supports",
+    "in_words",
+    "movable",
+    "nodes_at",
+    "on_coarser",
+    "stated_supports",
+    "sum_by",
+    "supported_nodes",
+    "unit",
+]
 
 #: Part of a unit vector below which it depends on others.
 DEPENDENT = 1e-8
 #: Cosine of the angle from which facets or boundaries meet sharply.
 SHARP = np.cos(np.pi / 4)
+#: Nodes at one place that a point finds, as many as an opened interface has where sides meet.
+_AT_ONCE = 8
 
 
 class Supports:
@@ -39,6 +57,7 @@ class Supports:
         self.value = np.zeros((count, dim))
         self.owner = np.full((count, dim), -1)
         self.names: list[str] = []
+        self.notes: list[str] = []  # points that are no nodes
 
     def fix(self, name: str, nodes: IntArray, directions: Array, values: Array) -> None:
         """Demand ``directions . u = values`` at (distinct) nodes; directions (k, d) are unit vectors."""
@@ -82,21 +101,68 @@ def stated_supports(problem: ContactProblem) -> Supports:
     """What the supports of a problem demand, in the order in which they are stated."""
     supports = Supports(problem.mesh.nodes(problem.order), problem.components)
     for name, support in problem.supports.items():
-        _impose(supports, problem.mesh, problem.order, name, support)
+        _impose(supports, problem, name, support)
     middle = np.flatnonzero(problem.kinematics.on_axis(supports.nodes))
     if middle.size:
         supports.fix("the axis", middle, np.broadcast_to([1.0, 0.0], (len(middle), 2)), np.zeros(len(middle)))
     return supports
 
 
-def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support | ScalarData) -> None:
-    """Demand what a support demands at the nodes of its boundary."""
-    rule = boundary_rule(mesh, name, order)
-    ids = np.unique(rule.nodes)
+def supported_nodes(problem: ContactProblem, name: str) -> tuple[IntArray, str | None]:
+    """The nodes of a support, and how far the points that it states are from them, in words."""
+    mesh, order, at = problem.mesh, problem.order, getattr(problem.supports[name], "at", None)
+    if at is not None:
+        nodes, far = nodes_at(mesh.nodes(order), np.array(at))
+        where = f"support '{name}': the nearest node of x = {in_words(np.array(at[int(np.argmax(far))]))} is"
+        size = float(np.ptp(mesh.points, axis=0).max())
+        return nodes, f"{where} {far.max():.3g} away, which is taken" if far.max() > SAME * size else None
+    if name in mesh.boundaries:
+        return np.unique(boundary_rule(mesh, name, order).nodes), None
+    inside = np.zeros(mesh.number_of_nodes, dtype=bool)
+    inside[mesh.node_sets[name]] = True
+    return np.flatnonzero(inside if order == 1 else np.append(inside, inside[mesh.edges].all(axis=1))), None
+
+
+def on_coarser(problem: ContactProblem, mesh: Mesh) -> ContactProblem:
+    """The problem with linear elements on a coarser mesh, where points that are no nodes are held at nearby ones.
+
+    They are at rest there, and let go where a support holds the node already: nothing contradicts itself.
+    """
+    coarse = replace(problem, mesh=mesh, order=1)
+    off = {name: one for name, one in problem.supports.items() if supported_nodes(coarse, name)[1] is not None}
+    if not off:
+        return coarse
+    supports = {name: one for name, one in problem.supports.items() if name not in off}
+    taken = np.flatnonzero(stated_supports(replace(coarse, supports=supports)).count)
+    for name, one in off.items():
+        nodes, _ = supported_nodes(coarse, name)
+        if not np.isin(nodes, taken).any():
+            supports[name] = at_rest(one, mesh.dim)
+        taken = np.append(taken, nodes)
+    return replace(coarse, supports=supports)
+
+
+def nodes_at(nodes: Array, points: Array) -> tuple[IntArray, Array]:
+    """Nodes (k,) nearest to points (p, d), all of those at one place, and distances (p,) of the points from them."""
+    from scipy.spatial import KDTree  # only here: SciPy takes long to load it
+
+    tolerance = SAME * float(np.ptp(nodes, axis=0).max())
+    far, near = KDTree(nodes).query(points, k=min(_AT_ONCE, len(nodes)))
+    first = np.where(far <= far[:, :1] + tolerance, near, len(nodes)).min(axis=1)  # whatever rounding makes of a tie
+    there = np.linalg.norm(nodes[near] - nodes[first][:, None], axis=2) <= tolerance
+    return np.unique(near[there]), far[:, 0]
+
+
+def _impose(supports: Supports, problem: ContactProblem, name: str, support: Support | ScalarData) -> None:
+    """Demand what a support demands at its nodes."""
+    ids, note = supported_nodes(problem, name)
+    supports.notes += [] if note is None else [note]
     points, components = supports.nodes[ids], supports.value.shape[1]
     what = f"supports['{name}']"
+    if isinstance(support, Spring):
+        return
     if isinstance(support, Roller):
-        for members, normals in _smooth_normals(rule):
+        for members, normals in _smooth_normals(boundary_rule(problem.mesh, name, problem.order)):
             supports.fix(name, members, normals, np.zeros(len(members)))
         return
     if isinstance(support, Fixed):

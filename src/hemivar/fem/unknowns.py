@@ -75,8 +75,8 @@ class NodalConditions:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is doubtful about the contact of two bodies."""
-        return tuple(sentence for group in self.groups for sentence in group.warnings)
+        """How far points of supports are from their nodes, and what is doubtful about the contact of two bodies."""
+        return (*self.supports.notes, *(sentence for group in self.groups for sentence in group.warnings))
 
     def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, Array, VectorLaw, float]:
         """Contact points, all or those at the nodes where the mask, shape (nodes,), holds; see :func:`join`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import chain
 
 from hemivar.basics.arguments import suggest
 from hemivar.basics.stated import OF_ONE, keys_of
@@ -13,7 +14,7 @@ from hemivar.files.schema import check_named, decode, encode
 from hemivar.files.toml import TomlTable, context, kind
 from hemivar.formula.reader import VARIABLES
 from hemivar.laws.registry import NORMAL_LAWS
-from hemivar.mechanics.conditions import SUPPORTS, Fixed, Prescribed, Pressure, ScalarData, Support
+from hemivar.mechanics.conditions import SUPPORTS, Clamped, Fixed, Prescribed, Pressure, ScalarData, Spring, Support
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import ContactConductance, Heat, HeatContact
 from hemivar.mesh import Mesh
@@ -66,7 +67,8 @@ def read_supports(top: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, Support
         return values
     supports: dict[str, Support | ScalarData] = {}
     for name, value in table.data.items():
-        check_named(mesh, table, name)
+        if not (name in mesh.node_sets or (isinstance(value, dict) and "at" in value)):
+            check_named(mesh, table, name)
         if isinstance(value, str):
             if value not in SUPPORTS:
                 others = "or a table: { x = 0.0 } holds one component, { displacement = [...] } prescribes all"
@@ -76,14 +78,32 @@ def read_supports(top: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, Support
         if not isinstance(value, dict):
             ways = '"clamped", "roller", { x = 0.0 } or { displacement = [...] }'
             raise table.error(name, f"must be {ways}, not {kind(value)}")
-        fixed = table.table(name, (*VARIABLES[: mesh.dim], "displacement"), inline=True)
-        if "displacement" in fixed and len(fixed.data) > 1:
-            raise fixed.error("displacement", "fixes every direction; remove the single ones")
-        if not fixed.data:
-            raise table.error(name, 'fixes nothing; give x, y or displacement, or write "clamped"')
-        form = Prescribed if "displacement" in fixed else Fixed
-        supports[name] = form(**decode(form, fixed, mesh))
+        supports[name] = _support(table, name, mesh)
     return supports
+
+
+def _support(table: TomlTable, name: str, mesh: Mesh) -> Support:
+    """The support of a table of its own; at points that it does not say more of the body is clamped."""
+    forms: dict[type[Fixed | Prescribed | Spring], tuple[str, ...]] = {
+        Fixed: VARIABLES[: mesh.dim], Prescribed: ("displacement",), Spring: ("normal", "tangential", "direction"),
+    }  # fmt: skip
+    fixed = table.table(name, (*chain(*forms.values()), "at"), inline=True)
+    form = next((form for form in reversed(forms) if any(key in fixed for key in forms[form])), None)
+    if form is None:
+        if "at" not in fixed:
+            raise table.error(name, 'fixes nothing; give x, y or displacement, or write "clamped"')
+        return Clamped(**decode(Clamped, fixed, mesh))
+    for key in fixed.data:
+        if key not in (*forms[form], "at"):
+            first = next(one for one in forms[form] if one in fixed)
+            more = (
+                "fixes every direction; remove the single ones"
+                if form is Prescribed
+                else f"is of a spring; remove {key}"
+            )
+            raise fixed.error(first, more)
+    with context(f"{table.where(name)}:"):
+        return form(**decode(form, fixed, mesh))
 
 
 def supports_record(problem: ContactProblem) -> dict[str, object]:
@@ -91,10 +111,12 @@ def supports_record(problem: ContactProblem) -> dict[str, object]:
     if problem.kind:
         return encode(problem, by=OF_ONE).get("supports", {})  # type: ignore[return-value]
     words: dict[type, str] = {type(support): word for word, support in SUPPORTS.items()}
-    return {
-        name: words.get(type(support)) or encode(support, f"supports['{name}']")  # type: ignore[arg-type]
-        for name, support in problem.supports.items()
-    }
+
+    def record(name: str, support: Support) -> object:
+        whole = getattr(support, "at", None) is None
+        return (whole and words.get(type(support))) or encode(support, f"supports['{name}']")
+
+    return {name: record(name, support) for name, support in problem.supports.items()}  # type: ignore[arg-type]
 
 
 # ---- heat ---------------------------------------------------------------------------------------------------------

@@ -184,7 +184,10 @@ def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> obje
             return table.text(key, None, stated.choices or None)
         case Form.FILE:
             return _file(table, key, stated.endings)
-        case Form.POINT:
+        case Form.POINTS if isinstance(value, list) and value and isinstance(value[0], list):
+            points = [table.items(key, point, (dim,), f"a list of points of {dim} numbers each") for point in value]
+            return [tuple(table.number(key, x) for x in point) for point in points]
+        case Form.POINT | Form.POINTS:
             return table.numbers(key, dim, f"a list of {dim} numbers")
         case Form.LIST:
             if not isinstance(value, list) or not value:
@@ -272,4 +275,7 @@ def written(value: object, form: Form, where: str) -> object:
             return float(value)  # type: ignore[arg-type]
         case Form.LIST:
             return np.asarray(value, dtype=float).ravel().tolist()
+        case Form.POINTS:
+            points = np.asarray(value, dtype=float).tolist()
+            return points[0] if len(points) == 1 else points
     return value

@@ -1,10 +1,11 @@
 """The statement: bodies, materials, supports, loads, obstacles and foundations."""
 
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Traction
+from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Spring, Traction
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.gradient_energy import PowerLaw, SaturatingFlux
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_check import check_material
+from hemivar.mechanics.minimal_support import minimal_support
 from hemivar.mechanics.moduli import Branch
 from hemivar.mechanics.obstacles import Cylinder, Normals, Plane, SignedDistance, Sphere
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem
@@ -37,7 +38,9 @@ __all__ = [
     "ScalarProblem",
     "SignedDistance",
     "Sphere",
+    "Spring",
     "StoredEnergy",
     "Traction",
     "check_material",
+    "minimal_support",
 ]

@@ -27,6 +27,7 @@ __all__ = [
     "Pressure",
     "Roller",
     "ScalarData",
+    "Spring",
     "Support",
     "Traction",
     "VectorData",
@@ -34,6 +35,7 @@ __all__ = [
 
 VectorData = Sequence[float | str] | Array | Callable[[Array], object] | Callable[[Array, float], object]
 ScalarData = float | str | Callable[[Array], object] | Callable[[Array, float], object]
+Points = Sequence[float] | Sequence[Sequence[float]] | Array
 
 
 def check_finite(value: object, name: str, most: float = np.inf) -> Array:
@@ -89,15 +91,35 @@ def _refuse_shape(array: Array, name: str, components: int) -> None:
         raise ProblemError(f"{name} has shape {array.shape}; on this mesh it needs {components} components")
 
 
+def _points(value: object, name: str) -> tuple[tuple[float, ...], ...]:
+    """Points as a support keeps them: a tuple for each."""
+    points = check_finite(value, name)
+    if points.ndim not in (1, 2) or points.shape[-1] not in (2, 3) or not points.size:
+        raise ProblemError(f"{name} has shape {points.shape}; give a point, such as (0.0, 1.0), or a list of points")
+    return tuple(tuple(point) for point in np.atleast_2d(points).tolist())
+
+
+_AT = stated(Form.POINTS) | kept(_points)
+
+
 @dataclass(frozen=True)
-class Clamped:
+class Clamped(CheckedFields):
     """No displacement: ``u = 0``.
+
+    Attributes
+    ----------
+    at : point, shape (d,), or points, shape (k, d), optional
+        Points whose nearest nodes are held in the place of a boundary; how far they are is said.  The support then has
+        a name of its own.  Nodes at one place are all held.
 
     Examples
     --------
     >>> import hemivar as hv
     >>> supports = {"left": hv.Clamped()}  # or the word: {"left": "clamped"}
+    >>> supports = {"pin": hv.Clamped(at=(0.0, 0.0)), "slide": hv.Fixed(y=0.0, at=(1.0, 0.0))}
     """
+
+    at: Points | None = field(default=None, metadata=_AT)
 
 
 @dataclass(frozen=True)
@@ -126,17 +148,20 @@ class Fixed(CheckedFields, PickleMixin):
     x, y, z : float, callable or None
         Value of the component, or a function of points, shape (k, d), that returns shape (k,); it may depend on time,
         ``f(x, t)``.
+    at : point or points, optional
+        As of :class:`Clamped`.
 
     Examples
     --------
     >>> import hemivar as hv
     >>> hv.Fixed(y="-0.1*t")  # x is free
-    Fixed(x=None, y=Formula(text='-0.1*t', where='Fixed(y=...)', minimum=None), z=None)
+    Fixed(x=None, y=Formula(text='-0.1*t', where='Fixed(y=...)', minimum=None), z=None, at=None)
     """
 
     x: ScalarData | None = field(default=None, metadata=_COMPONENT)
     y: ScalarData | None = field(default=None, metadata=_COMPONENT)
     z: ScalarData | None = field(default=None, metadata=_COMPONENT)
+    at: Points | None = field(default=None, metadata=_AT)
 
     def __post_init__(self) -> None:
         if self.x is None and self.y is None and self.z is None:
@@ -153,18 +178,21 @@ class Prescribed(CheckedFields, PickleMixin):
     value : vector, shape (d,), or callable
         A callable gets points, shape (k, d), and returns displacements, shape (k, d); it may depend on time,
         ``f(x, t)``.
+    at : point or points, optional
+        As of :class:`Clamped`.
 
     Examples
     --------
     >>> import hemivar as hv
     >>> hv.Prescribed((0.0, -0.1))
-    Prescribed(value=(0.0, -0.1))
+    Prescribed(value=(0.0, -0.1), at=None)
     """
 
     value: VectorData = field(
         metadata=stated(Form.VECTOR, key="displacement", timed=True)
         | kept(plain_data, None, LARGEST, shown="Prescribed(...)")
     )
+    at: Points | None = field(default=None, metadata=_AT)
 
     def refuse_shape(self, name: str, components: int) -> None:
         """Refuse a vector of other components."""
@@ -172,6 +200,66 @@ class Prescribed(CheckedFields, PickleMixin):
             shape = np.shape(self.value)
             if shape != (components,):
                 raise ProblemError(f"{name} has shape {shape}; on this mesh it needs {components} components")
+
+
+def _stiffness(value: object, name: str) -> ScalarData:
+    stiffness = plain_data(value, name, 1, LARGEST)
+    if depends_on_time(stiffness):
+        raise ProblemError(f"{name} depends on time, which the stiffness of a spring cannot; give a function of x")
+    if not callable(stiffness) and not float(stiffness) >= 0.0:
+        raise ProblemError(f"{name} = {stiffness}; give a stiffness that is not negative")
+    return stiffness
+
+
+def _direction(value: object, name: str) -> tuple[float, ...]:
+    vector = check_finite(value, name)
+    if vector.shape not in ((2,), (3,)) or not vector.any():
+        raise ProblemError(f"{name} is {quoted(value)}; give a vector that is not zero, such as (0.0, 1.0)")
+    return tuple(vector.tolist())
+
+
+_STIFFNESS = stated(Form.QUANTITY, least=0.0) | kept(_stiffness, shown="Spring({}=...)")
+
+
+@dataclass(frozen=True)
+class Spring(CheckedFields, PickleMixin):
+    """Linear springs between a boundary and the ground, which push and pull: ``-normal u_nu nu - tangential u_tau``.
+
+    They are part of the stiffness of the body and hold it.
+
+    Attributes
+    ----------
+    normal, tangential : float or callable
+        Stiffness along the normal and across it, not negative: force per area and displacement; at a point force per
+        displacement, of a body of revolution that of the whole ring.  A callable gets points, shape (k, d), and returns
+        shape (k,).
+    direction : vector, shape (d,), optional
+        What stands for the normal, along a line of anchors for example; at a point with two different stiffnesses it is
+        needed.
+    at : point or points, optional
+        As of :class:`Clamped`: a spring at each.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> supports = {"bottom": hv.mechanics.Spring(normal=100.0), "pin": hv.mechanics.Spring(50.0, 50.0, at=(0.0, 0.0))}
+    """
+
+    normal: ScalarData = field(default=0.0, metadata=_STIFFNESS)
+    tangential: ScalarData = field(default=0.0, metadata=_STIFFNESS)
+    direction: tuple[float, ...] | None = field(
+        default=None, metadata=stated(Form.POINT) | kept(_direction, shown="Spring({}=...)")
+    )
+    at: Points | None = field(default=None, metadata=_AT)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.normal == 0.0 and self.tangential == 0.0:
+            raise ProblemError("Spring() has no stiffness; give normal or tangential, or leave the support out")
+        if self.at is not None and self.direction is None and self.normal != self.tangential:
+            raise ProblemError(
+                "a Spring at a point has no normal; give direction, or normal and tangential of one size"
+            )
 
 
 @dataclass(frozen=True)
@@ -201,7 +289,7 @@ class Pressure(CheckedFields, PickleMixin):
 #: A support, a pressure or a traction.
 Condition = TypeVar("Condition")
 
-Support = Clamped | Roller | Fixed | Prescribed
+Support = Clamped | Roller | Fixed | Prescribed | Spring
 #: Supports by the words for them, in ``ContactProblem(supports={"left": "clamped"})`` as in files.
 SUPPORTS: Mapping[str, Support] = MappingProxyType({"clamped": Clamped(), "roller": Roller()})
 Traction = VectorData | Pressure
@@ -270,10 +358,26 @@ def _checked_result(
 
 def stated_values(condition: Support | Traction | ScalarData) -> dict[str, VectorData | ScalarData]:
     """What a support, a pressure or a traction prescribes, by the names of its fields; "" for plain data."""
+    if isinstance(condition, Spring):
+        return {}
     if not isinstance(condition, Clamped | Roller | Fixed | Prescribed | Pressure):
         return {"": condition}
-    values = {part.name: getattr(condition, part.name) for part in fields(condition)}
+    values = {part.name: getattr(condition, part.name) for part in fields(condition) if part.name != "at"}
     return {name: value for name, value in values.items() if value is not None}
+
+
+def at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:
+    """The support with its prescribed displacements taken away; itself if it has none."""
+    if isinstance(support, Prescribed):
+        return replace(support, value=np.zeros(dim))
+    if isinstance(support, Fixed):
+        values = (support.x, support.y, support.z)
+        x, y, z = (None if value is None else 0.0 for value in values)
+        moves = any(callable(value) or (value is not None and np.any(value)) for value in values)
+        return replace(support, x=x, y=y, z=z) if moves else support
+    if isinstance(support, Clamped | Roller | Spring):
+        return support
+    return 0.0 if callable(support) or support else support
 
 
 def condition_at_time(condition: Condition, t: float) -> Condition:

@@ -30,6 +30,7 @@ from hemivar.mechanics.conditions import (
     Pressure,
     Roller,
     ScalarData,
+    Spring,
     Support,
     Traction,
     VectorData,
@@ -105,8 +106,10 @@ class ContactProblem(PickleMixin, ReprMixin):
         By boundary, or by region for contact over an area; :data:`AREA` is the whole mesh. Over an area of a plane
         body, such as a sheet that lies on a table, friction acts on the whole displacement.
     supports : mapping of boundary name to Support
-        :class:`Clamped`, :class:`Roller`, :class:`Fixed` or :class:`Prescribed`; ``"clamped"`` and ``"roller"`` are
-        turned into the first two.  Of one component a number or a callable that returns shape (k,), as the loads are.
+        :class:`Clamped`, :class:`Roller`, :class:`Fixed`, :class:`Prescribed` or :class:`Spring`; ``"clamped"`` and
+        ``"roller"`` are turned into the first two.  Sets of nodes of the mesh may be named as well, and points, by any
+        name, ``hv.Clamped(at=(0.0, 0.0))``.  Of one component a number or a callable that returns shape (k,), as the
+        loads are.
     body_force : vector, shape (d,), or callable
         Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
     tractions : mapping of boundary name to vector, callable or Pressure
@@ -320,6 +323,15 @@ class ContactProblem(PickleMixin, ReprMixin):
         """The strains of the field, and the measure of integrals over the body."""
         return BodyKinematics.of(self.material, self.mesh.dim)
 
+    @property
+    def held_boundaries(self) -> Mapping[str, Support | ScalarData]:
+        """The supports that fix displacements of whole boundaries: no springs, and none of points or sets of nodes."""
+        return {
+            name: support
+            for name, support in self.supports.items()
+            if name in self.mesh.boundaries and not isinstance(support, Spring)
+        }
+
     @cached_property
     def areas(self) -> Mapping[str, IntArray]:
         """The cells of contacts over areas, by name, in their order."""
@@ -516,19 +528,37 @@ class ContactProblem(PickleMixin, ReprMixin):
         if not isinstance(support, Support):
             near = suggest(support, list(SUPPORTS), "words") if isinstance(support, str) else ""
             raise ProblemError(
-                f"{name} is {described(support)}{near}; pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
+                f"{name} is {described(support)}{near}; pass Clamped(), Roller(), Fixed(...), Prescribed(...) or "
+                "Spring(...)"
             )
         if isinstance(support, Prescribed):
             support.refuse_shape(name, self.mesh.dim)
+        if isinstance(support, Spring) and support.direction is not None and len(support.direction) != self.mesh.dim:
+            raise ProblemError(
+                f"{name} has a direction of {len(support.direction)} numbers; on this mesh it needs {self.mesh.dim}"
+            )
         if isinstance(support, Fixed) and self.mesh.dim == 2 and support.z is not None:
             raise ProblemError(f"{name} fixes z, but the mesh is plane; remove z")
         return support
 
     def _check_boundaries(self, name: str) -> None:
-        """Refuse a field that does not map boundaries of the mesh to conditions."""
+        """Refuse a field that does not map boundaries of the mesh to conditions; supports may name nodes, too."""
         self._check_mapping(name)
-        for boundary in getattr(self, name):
-            self._check_name(name, boundary, "boundary", "boundaries")
+        for boundary, one in getattr(self, name).items():
+            if getattr(one, "at", None) is not None and name == "supports":
+                self._check_points(boundary, np.array(one.at))
+            elif name == "tractions" or boundary not in self.mesh.node_sets or isinstance(one, Roller | Spring):
+                self._check_name(name, boundary, "boundary", "boundaries")
+
+    def _check_points(self, name: str, at: Array) -> None:
+        if at.shape[1] != self.mesh.dim:
+            raise ProblemError(
+                f"supports['{name}'] is at points of {at.shape[1]} coordinates, the mesh has {self.mesh.dim}"
+            )
+        if name in self.mesh.boundaries:
+            raise ProblemError(
+                f"supports['{name}'] is at points, and '{name}' is a boundary; give the points another name"
+            )
 
     def _check_mapping(self, name: str) -> None:
         given = getattr(self, name)
@@ -601,7 +631,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         if slave:
             return (name, other) if slave == name else (other, name)
         fixed = np.zeros(self.mesh.number_of_nodes, dtype=bool)
-        for support in self.supports:
+        for support in self.held_boundaries:
             fixed[self.mesh.boundaries[support]] = True
         size, share, stiff = {}, {}, {}
         for side in (name, other):
@@ -633,7 +663,7 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""
         on_boundaries = [name for name in self.contact if name not in self.areas]
-        used = [*{*on_boundaries, *self.supports}]
+        used = [*{*on_boundaries, *self.held_boundaries}]
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
@@ -648,7 +678,7 @@ class ContactProblem(PickleMixin, ReprMixin):
                         f"contact boundaries '{first}' and '{second}' share {shared} facets; a facet can "
                         f"touch one foundation only: separate them"
                     )
-            for other, support in self.supports.items():
+            for other, support in self.held_boundaries.items():
                 shared = int(np.isin(keys[first], keys[other]).sum())
                 if shared and not isinstance(support, Roller | Fixed):
                     how = "clamped" if isinstance(support, Clamped) else f"constrained by a prescribed {self.unknown}"

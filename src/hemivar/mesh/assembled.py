@@ -41,7 +41,7 @@ def assembled(parts: Mapping[str, Mesh]) -> Mesh:
         _parent(meshes),
         _recipe(meshes),
         interfaces=_joined(meshes, nodes, lambda mesh: mesh.interfaces),
-        reading=_reading(meshes),
+        reading=_reading(meshes, nodes),
     )
 
 
@@ -79,11 +79,16 @@ def _joined(
     }
 
 
-def _reading(meshes: Mapping[str, Mesh]) -> Reading:
+def _reading(meshes: Mapping[str, Mesh], starts: IntArray) -> Reading:
     """What was said of all parts; order 2 where all suggest it, in space where one does."""
     notes = tuple(f"{name}: {note}" for name, mesh in meshes.items() for note in mesh.notes)
     orders = [(mesh.suggested_order, mesh.dim) for mesh in meshes.values()]
-    return Reading(notes, max(orders)[0] if orders[0][1] == 3 else min(orders)[0])
+    sets = {
+        f"{name}:{own}": start + nodes
+        for (name, mesh), start in zip(meshes.items(), starts, strict=True)
+        for own, nodes in mesh.reading.node_sets.items()
+    }
+    return Reading(notes, max(orders)[0] if orders[0][1] == 3 else min(orders)[0], sets)
 
 
 def _recipe(meshes: Mapping[str, Mesh]) -> MeshRecipe | None:

@@ -256,7 +256,9 @@ def _cut(mesh: Mesh, edges: BoolArray) -> Mesh:
         regions[name] = np.flatnonzero(inside[owner])
     own = np.repeat(np.arange(count)[:, None], 2, axis=1)
     step = Refinement(mesh, frozen(np.vstack([own, ends])), frozen(owner))
-    return mesh.trusted(points, cells, boundaries, regions, step, interfaces=interfaces, reading=mesh.reading)
+    return mesh.trusted(
+        points, cells, boundaries, regions, step, interfaces=interfaces, reading=mesh.reading.onto(step.ends)
+    )
 
 
 def _facets(mesh: Mesh, facets: IntArray, middle: IntArray) -> IntArray:

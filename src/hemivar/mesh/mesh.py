@@ -107,6 +107,7 @@ class Mesh(PickleMixin):
         boundaries = checked_boundaries(points, cells, self.boundaries)
         regions = checked_regions(self.regions, len(cells))
         interfaces = checked_interfaces(points, cells, self.interfaces, boundaries)
+        expect(self.reading, Reading, "reading", "leave it out")
         parent = self.parent
         if parent is not None:
             expect(parent, Refinement, "parent", "give the Refinement that made this mesh, or None")
@@ -183,7 +184,8 @@ class Mesh(PickleMixin):
 
     def __repr__(self) -> str:
         cells = f"{len(self.cells)} {'triangles' if self.dim == 2 else 'tetrahedra'}"
-        groups = {"boundaries": self.boundaries, "regions": self.regions, "interfaces": self.interfaces}
+        groups = {"boundaries": self.boundaries, "regions": self.regions, "interfaces": self.interfaces,
+                  "node sets": self.node_sets}  # fmt: skip
         named = [f"{what} {', '.join(of)}" for what, of in groups.items() if of]
         return f"Mesh({'; '.join([f'{len(self.points)} nodes, {cells}', *named])})"
 
@@ -211,6 +213,11 @@ class Mesh(PickleMixin):
     def suggested_order(self) -> int:
         """The order of elements that is taken where none is given: 2 for some files of second order, 1 else."""
         return self.reading.order
+
+    @property
+    def node_sets(self) -> Mapping[str, IntArray]:
+        """Numbers of the nodes of named sets that are no boundaries, as files have them; supports may name them."""
+        return self.reading.node_sets
 
     @cached_property
     def size(self) -> float:
@@ -389,8 +396,8 @@ class Mesh(PickleMixin):
         return mesh if self.recipe is None else mesh.made_by(self.recipe.scaled(factor))
 
     def made_by(self, recipe: MeshRecipe | None, reading: Reading | None = None) -> Mesh:
-        """The mesh with another word on how it was made, and on how it was read where given, which is not checked."""
-        history = self.reading if reading is None else reading
+        """The mesh with another word on how it was made, and on how it was read where given."""
+        history = self.reading if reading is None else expect(reading, Reading, "reading", "leave it out")
         return Mesh.trusted(
             self.points, self.cells, self.boundaries, self.regions, self.parent, recipe, self.interfaces, history
         )

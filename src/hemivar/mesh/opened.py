@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,6 @@ from scipy.sparse.csgraph import connected_components
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.keys import cell_facets, facet_keys, frozen, shared_facets
-from hemivar.mesh.reading import Reading
 from hemivar.mesh.refine import Refinement
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh:
         f"interface '{name}': {len(closed)} of its {len(facets)} facets stay closed, the first at {point}, as all of "
         "their nodes are ends of it; refine the mesh there"
     )
-    return cut.made_by(None, Reading((*mesh.notes, note), mesh.suggested_order))
+    return cut.made_by(None, replace(cut.reading, notes=(*mesh.notes, note)))
 
 
 def _closed(mesh: Mesh, cells: IntArray, facets: IntArray) -> IntArray:
@@ -90,7 +90,8 @@ def _opened(mesh: Mesh, name: str, facets: IntArray) -> Mesh | None:
     parent = _parent(mesh, cells, len(first), name)
     if parent is not None:
         parent = parent.named(boundaries, mesh.regions, interfaces)
-    return mesh.trusted(points, cells, boundaries, mesh.regions, parent, None, interfaces, mesh.reading)
+    reading = mesh.reading.onto(first[:, None])
+    return mesh.trusted(points, cells, boundaries, mesh.regions, parent, None, interfaces, reading)
 
 
 def _doubled(mesh: Mesh, facets: IntArray) -> tuple[IntArray, IntArray]:

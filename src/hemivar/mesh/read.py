@@ -41,10 +41,11 @@ def read_mesh(path: str | Path, order: int | None = None) -> Mesh:
     """Read a mesh file: Gmsh, Abaqus and CalculiX, Nastran, SU2, VTU, or a format that meshio reads.
 
     Groups become boundaries (groups of facets), interfaces (groups of facets between cells) and regions (groups of
-    cells); a group of nodes is the boundary of the outer facets between them. Other cells than triangles and tetrahedra
-    are split, see :attr:`Mesh.notes`. Tetrahedra of second order suggest order 2 (:attr:`Mesh.suggested_order`), and so
-    do cells of second order with straight edges in a plane mesh; others are cut once. Nodes that no cell uses are
-    dropped, as is the third coordinate of plane meshes; inverted cells are turned.
+    cells); a group of nodes is the boundary of the outer facets between them, and a set of nodes where there are none.
+    Other cells than triangles and tetrahedra are split, see :attr:`Mesh.notes`. Tetrahedra of second order suggest
+    order 2 (:attr:`Mesh.suggested_order`), and so do cells of second order with straight edges in a plane mesh; others
+    are cut once. Nodes that no cell uses are dropped, as is the third coordinate of plane meshes; inverted cells are
+    turned.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def _mesh(raw: RawMesh, recipe: MeshRecipe) -> Mesh:
     number = np.where(used, np.cumsum(used) - 1, -1)
     groups = _Groups(raw, split, dim, number)
     mesh = Mesh.oriented(split.points[used], number[cells], groups.boundaries, groups.regions, groups.interfaces)
-    return mesh.made_by(recipe, Reading((*split.notes, *raw.notes, *groups.notes), split.order))
+    return mesh.made_by(recipe, Reading((*split.notes, *raw.notes, *groups.notes), split.order, groups.node_sets))
 
 
 def _flat(raw: RawMesh, dim: int) -> Array:
@@ -172,6 +173,7 @@ class _Groups:
         self.boundaries: dict[str, IntArray] = {}
         self.interfaces: dict[str, IntArray] = {}
         self.regions: dict[str, IntArray] = {}
+        self.node_sets: dict[str, IntArray] = {}
         self.notes: list[str] = []
         count = int(number.max()) + 1
         facets, keys, _ = cell_facets(number[split.cells[dim]], count)
@@ -186,7 +188,7 @@ class _Groups:
             elif of == dim - 1:
                 self._facets(name, number[split.cells[of][own]], lambda one: facet_keys(one, count), ordered, inner)
             else:
-                self.notes.append(f"group '{name}' holds {_ELEMENTS[of]} only; it was ignored")
+                self._set(name, number[split.cells[of][own]], _ELEMENTS[of])
         outer = facets[first[counts == 1]] if split.at_nodes else facets[:0]
         for name, at in split.at_nodes.items():
             self._nodes(name, outer, at[number >= 0])
@@ -220,8 +222,17 @@ class _Groups:
         chosen = outer[at[outer].all(axis=1)]
         if name in self.boundaries or name in self.interfaces:
             return  # the facets of that name say it better
-        if at.all() or not len(chosen):
-            why = "of all nodes" if at.all() else "between whose nodes there is no facet of the boundary"
-            self.notes.append(f"'{name}' is a group {why}; it was ignored")
-        else:
+        if at.all():
+            self.notes.append(f"'{name}' is a group of all nodes; it was ignored")
+        elif len(chosen):
             self.boundaries[name] = chosen
+        else:
+            self._set(name, np.flatnonzero(at), "nodes")
+
+    def _set(self, name: str, nodes: IntArray, what: str) -> None:
+        """A group of nodes that is no boundary; those of none of the cells are left out."""
+        own = np.unique(nodes[nodes >= 0])
+        if len(own):
+            self.node_sets[name] = own
+        does = "it is a set of nodes, which supports may name" if len(own) else "it belongs to no cell and was ignored"
+        self.notes.append(f"group '{name}' holds {what} only; {does}")

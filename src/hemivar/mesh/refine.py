@@ -137,6 +137,7 @@ def halved(mesh: Mesh) -> Mesh:
     regions = {name: (offsets[:, None] + ids).ravel() for name, ids in mesh.regions.items()}
     own = np.repeat(np.arange(count)[:, None], 2, axis=1)
     parents = np.tile(np.arange(mesh.number_of_cells), 2**mesh.dim)
-    parent = Refinement(mesh, frozen(np.vstack([own, mesh.edges])), frozen(parents))
+    ends = frozen(np.vstack([own, mesh.edges]))
+    parent = Refinement(mesh, ends, frozen(parents))
     recipe = None if mesh.recipe is None else mesh.recipe.refined()
-    return mesh.trusted(points, cells, boundaries, regions, parent, recipe, interfaces, mesh.reading)
+    return mesh.trusted(points, cells, boundaries, regions, parent, recipe, interfaces, mesh.reading.onto(ends))

@@ -17,7 +17,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import MethodError, ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.discretize import friction_warning, refuse_evolution
-from hemivar.fem.edge_blocks import EdgeBlocks
+from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import BeddedEnergy, bedded_energy
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks
@@ -185,7 +185,7 @@ def _elements(own: ContactProblem, prescribed: Array) -> tuple[EdgeBlocks | None
         stored = bedded_energy(own)
         forces = stored.forces(prescribed).ravel()
         return stored.blocks(prescribed), _CellForces(load, forces, stored.value(prescribed), stored)
-    blocks = body_blocks(mesh, own.material, own.bedding)
+    blocks = body_blocks(own, node_graph(mesh, 1))
     reaction = blocks.times(prescribed).ravel() if prescribed.any() else none
     return blocks, _CellForces(load, reaction, 0.5 * float(prescribed.ravel() @ reaction))
 
@@ -214,6 +214,8 @@ def _check_suited(problem: ContactProblem) -> None:
         raise MethodError("the engine 'petsc' has no stress stiffening; leave --engine out")
     if problem.initially_stressed:
         raise MethodError("the engine 'petsc' has no initial stress or strain; leave --engine out")
+    if len(problem.held_boundaries) < len(problem.supports):
+        raise MethodError("the engine 'petsc' has neither springs nor supports of points; leave --engine out")
     if problem.kinematics.ring:
         raise MethodError("the engine 'petsc' has no bodies of revolution; leave --engine out")
     for name, contact in problem.contact.items():

@@ -302,7 +302,7 @@ class _Matrices:
         viscosity = of(viscous(material, dim)) if material.viscous else None
         mass = self._operator(graph, lambda graph: mass_blocks(mesh, inertia(material), graph)) if with_mass else None
         branches = tuple((time, of(relaxing(material, i, dim))) for i, time in enumerate(material.relaxation_times))
-        stiffness = self._operator(graph, lambda graph: body_blocks(mesh, material, self.stated.bedding, graph))
+        stiffness = self._operator(graph, lambda graph: body_blocks(self.stated, graph))
         return OperatorFamily(problem, stiffness, viscosity, mass, branches, self.frame.moved)
 
     def _operator(self, graph: NodeGraph | None, make: Callable[[NodeGraph], EdgeBlocks]) -> OperatorOnRanks:

@@ -218,7 +218,8 @@ def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True
 
     touching = [name for at, contact in problem.contact.items() for name in (at, contact.against) if name]
     roles = {
-        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.tractions),
+        "support": (BLUE, 5.0, [name for name in problem.supports if name in problem.mesh.boundaries]),
+        "load": (GREEN, 3.4, problem.tractions),
         "contact": (RED, 1.8, [name for name in touching if name in problem.mesh.boundaries]),
     }  # fmt: skip
     with drawing():

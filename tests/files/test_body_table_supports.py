@@ -1,0 +1,67 @@
+"""Supports of points, and springs, in problem files: read, written and read again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.errors import ProblemError
+from hemivar.files.problem_file import parse_problem
+from hemivar.mechanics import Spring
+
+HEAD = """
+mesh = { rectangle = [2.0, 1.0], cells = [4, 2] }
+material = { young = 10.0, poisson = 0.3 }
+loads.traction.top = [0.1, -0.2]
+"""
+
+STATED = {
+    "pin = { at = [0.0, 0.0] }": {"pin": hv.Clamped(at=(0.0, 0.0))},
+    "pin = { at = [0.0, 0.0], x = 0.0 }\nleft = { y = 0.0 }": {
+        "pin": hv.Fixed(x=0.0, at=(0.0, 0.0)), "left": hv.Fixed(y=0.0),
+    },
+    "pin = { at = [[0, 0], [2, 0]], displacement = [0.1, 0.0] }": {
+        "pin": hv.Prescribed((0.1, 0.0), at=[(0.0, 0.0), (2.0, 0.0)])
+    },
+    "bottom = { normal = 2.0, tangential = 3.0 }": {"bottom": Spring(2.0, 3.0)},
+    "bottom = 'clamped'\npin = { at = [1.0, 1.0], normal = 2.0, direction = [0.0, 1.0] }": {
+        "bottom": hv.Clamped(), "pin": Spring(2.0, direction=(0.0, 1.0), at=(1.0, 1.0)),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", STATED)
+def test_files_state_what_python_does(text: str, tmp_path: Path) -> None:
+    read = parse_problem(f"{HEAD}[supports]\n{text}\n")
+    assert dict(read.supports) == STATED[text]
+    hv.write_problem(read, tmp_path / "again.toml")
+    assert dict(hv.read_problem(tmp_path / "again.toml").supports) == STATED[text]
+
+
+def test_a_formula_of_a_spring_is_kept(tmp_path: Path) -> None:
+    read = parse_problem(f"{HEAD}[supports]\nbottom = {{ normal = '1 + x', tangential = 1.0 }}\n")
+    hv.write_problem(read, tmp_path / "again.toml")
+    again = hv.solve(hv.read_problem(tmp_path / "again.toml")).displacement
+    assert np.array_equal(again, hv.solve(read).displacement)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("pin = { at = [0.0] }", r"pin\.at: .*a list of 2 numbers"),
+        ("pin = { at = [[0.0], [1.0]] }", "a list of points of 2 numbers each"),
+        ("pin = { x = 0.0 }", "the mesh has no boundary 'pin'"),
+        ("left = { at = [0.0, 0.0] }", "'left' is a boundary"),
+        ("pin = { at = [0.0, 0.0], x = 0.0, normal = 1.0 }", r"pin\.normal: is of a spring; remove x"),
+        ("left = { x = 0.0, displacement = [0.0, 0.0] }", "fixes every direction; remove the single ones"),
+        ("left = { normal = -1.0 }", "-1"),
+        ("pin = { at = [0.0, 0.0], normal = 1.0 }", "pin: a Spring at a point has no normal"),
+        ("left = { normal = '1 + t' }", "cannot change with time"),
+    ],
+)
+def test_bad_supports_are_refused_with_their_place(text: str, says: str) -> None:
+    with pytest.raises(ProblemError, match=says):
+        parse_problem(f"{HEAD}[supports]\n{text}\n")
