@@ -189,6 +189,7 @@ def examples() -> dict[str, list[object]]:
         hv.evolution.MarginLost(),
         hv.evolution.When(function=abs, label="own"),
         hv.study(problem, 1),
+        hv.mechanics.Step("pull", tractions={"top": (0.0, -1.0)}, initial_stress=-1.0),
         hv.sweep(lambda _: problem, {"none": [0.0]}),
     ]
     made: dict[str, list[object]] = {}

@@ -113,7 +113,7 @@ def _duration(seconds: float) -> str:
 def print_history(history: History) -> None:
     """The summary of a march."""
     out = console()
-    steps = len(history.rows) - 1
+    steps = len(history.taken)
     out.print("\nstatus            ", end="")
     out.print(history.ended, style="bold green" if history.finished else "bold red", end="")
     taken = int(history["solver_steps"].sum())

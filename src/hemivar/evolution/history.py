@@ -125,11 +125,16 @@ class History(PickleMixin, ReprMixin):
     unkept: str = ""
 
     def __repr__(self) -> str:
-        steps = len(self.rows) - 1
+        steps = len(self.taken)
         return (
             f"History({steps} steps to t = {self.state.time:g}, {self.ended}; least margin {self.margin:.3g}, "
             f"largest residual {self.residual:.2g}, {len(self.frames)} frames)"
         )
+
+    @property
+    def taken(self) -> tuple[Row, ...]:
+        """The rows of steps: all but that of the start, which is the first of load steps."""
+        return self.rows if self.discrete.evolution.steps else self.rows[1:]
 
     @property
     def finished(self) -> bool:
@@ -178,12 +183,12 @@ class History(PickleMixin, ReprMixin):
     @property
     def margin(self) -> float:
         """Least margin of all steps; inf if none was taken."""
-        return min((row.margin for row in self.rows[1:] if not np.isnan(row.margin)), default=np.inf)
+        return min((row.margin for row in self.taken if not np.isnan(row.margin)), default=np.inf)
 
     @property
     def uniqueness(self) -> str:
         """What the margins say of the solutions of the steps, in words: whether each has one only is said if proved."""
-        margins = self["margin"][1:]
+        margins = np.array([row.margin for row in self.taken])
         if not len(margins):
             return "no step was taken"
         lost = int(np.count_nonzero(~(margins > 0.0)))
@@ -213,7 +218,7 @@ class History(PickleMixin, ReprMixin):
     @property
     def residual(self) -> float:
         """Largest relative residual of all steps."""
-        return float(max((row.residual for row in self.rows[1:]), default=0.0))
+        return float(max((row.residual for row in self.taken), default=0.0))
 
     def at(self, time: float) -> Frame:
         """The body at a time, between two frames on a straight line.

@@ -215,7 +215,7 @@ def history_record(history: History) -> Record:
         "hemivar": version(),
         "ended": history.ended,
         "time": history.state.time,
-        "steps": len(history.rows) - 1,
+        "steps": len(history.taken),
         "solver_steps": int(history["solver_steps"].sum()),
         "margin": history.margin,
         "residual": history.residual,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import chain
@@ -41,6 +41,7 @@ from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.initial_stress import InitialField, checked_field, field_at, field_depends_on_time, is_zero
 from hemivar.mechanics.instants import depends_on_time, error_context
 from hemivar.mechanics.kinematics import BodyKinematics
+from hemivar.mechanics.load_steps import Step, after_step, between_conditions, between_fields, between_values
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
@@ -138,6 +139,10 @@ class ContactProblem(PickleMixin, ReprMixin):
     initial_strain : float, array, callable or mapping of region to these
         Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
         Linear materials.
+    steps : sequence of Step
+        Load steps: a sequence of static problems, each of which begins with the friction history of the one before.
+        The problem then depends on time, which counts the steps: step k ends at t = k. :class:`hemivar.Evolution` goes
+        through them.
 
     Raises
     ------
@@ -254,6 +259,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             key="strain", timed=True, by="region", table="loads",
         ),
     )  # fmt: skip
+    steps: Sequence[Step] = ()
 
     def __post_init__(self) -> None:
         self._check_frame()
@@ -262,6 +268,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         self._check_contacts()
         self._check_values()
         self._check_overlaps()
+        self._check_steps()
 
     def __repr__(self) -> str:
         parts = [repr(self.title)] if self.title else []
@@ -272,6 +279,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             parts.append(f"contact {'over' if name in self.areas else 'on'} {name}: {law.name}")
         for name, support in self.supports.items():
             parts.append(f"{'held' if self.kind else type(support).__name__} on {name}")
+        parts += [f"{len(self.steps)} load steps"] if self.steps else []
         return f"{'Scalar' if self.kind else 'Contact'}Problem({', '.join(parts)})"
 
     if not TYPE_CHECKING:
@@ -333,6 +341,8 @@ class ContactProblem(PickleMixin, ReprMixin):
     @cached_property
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: some of "load", "supports", "gap" and "law"; empty at rest."""
+        if self.steps:
+            return frozenset({"load"} | ({"supports"} if any(step.supports for step in self.steps) else set()))
         parts = {part for contact in self.contact.values() for part in contact.time_dependent}
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
         prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
@@ -353,6 +363,8 @@ class ContactProblem(PickleMixin, ReprMixin):
             raise ProblemError(f"the time is {quoted(t)}; give a finite number")
         if not self.time_dependent:
             return self
+        if self.steps:
+            return self._in_step(t)
         bound = copy.copy(self)  # what holds of the statement holds at every time, and is not checked again
 
         def put(name: str, value: object) -> None:
@@ -368,7 +380,63 @@ class ContactProblem(PickleMixin, ReprMixin):
             put(name, MappingProxyType(parts))
         return bound
 
+    # ---- load steps -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def _stages(self) -> tuple[ContactProblem, ...]:
+        """The problem before the first step, and at the end of each."""
+        stages = [replace(self, steps=())]
+        for step in self.steps:
+            before = stages[-1]
+            with error_context(f"step '{step.name}'"):
+                stages.append(replace(before, **after_step(vars(before), step)))  # type: ignore[arg-type]
+        return tuple(stages)
+
+    def _in_step(self, t: float) -> ContactProblem:
+        """The problem at a time, within a step or at its end."""
+        number = int(np.clip(np.ceil(t), 1, len(self.steps)))
+        before, after, share = self._stages[number - 1], self._stages[number], t - (number - 1)
+        if share >= 1.0 or not self.steps[number - 1].ramp:
+            return after
+        bound, share = copy.copy(after), max(share, 0.0)
+        changed: dict[str, object] = {"body_force": between_values(before.body_force, after.body_force, share)}
+        for name in INITIAL:
+            changed[name] = between_fields(getattr(before, name), getattr(after, name), share, name)
+        for name in ("supports", "tractions"):
+            parts = between_conditions(getattr(before, name), getattr(after, name), share, name)
+            changed[name] = MappingProxyType(parts)
+        for name, value in changed.items():
+            object.__setattr__(bound, name, value)
+        return bound
+
     # ---- what is checked ------------------------------------------------------------------------------------
+
+    def _check_steps(self) -> None:
+        """Refuse load steps that do not follow one another, or of what has no steps."""
+        given: Sequence[object] = expect(self.steps, Sequence, "steps", "give a list of Step(...)")
+        steps = tuple(expect(step, Step, "a step", "give Step('clamp', tractions={...})") for step in given)
+        object.__setattr__(self, "steps", steps)
+        if not steps:
+            return
+        if self.kind:
+            raise ProblemError("steps are for bodies, and this has one component; state it in time, by formulas of t")
+        if len(steps) == 1:
+            raise ProblemError("a single step is a static problem; state its loads without steps, or give two")
+        names = [step.name for step in steps]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ProblemError(f"two steps are called '{twice}'; give each a name of its own")
+        for step in steps:
+            if new := next((name for name in step.supports if name not in self.supports), None):
+                raise ProblemError(
+                    f"step '{step.name}' supports '{new}', which the problem does not; state the support there, and "
+                    "its values in steps"
+                )
+        if any(stage.time_dependent for stage in self._stages):
+            raise ProblemError("something depends on t beside the steps; leave t out, or state all of it in time")
+        for before, step in enumerate(steps):
+            with error_context(f"step '{step.name}'"):
+                self._in_step(before + 0.5)
 
     def _check_frame(self) -> None:
         """Refuse what is no mesh, no order, no units or no material."""

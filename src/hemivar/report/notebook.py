@@ -308,7 +308,7 @@ def _history(history: History) -> _Shown:
     ledger, error = history.ledger, history.time_error
     rows: list[_Row] = [
         ("ended", f"{history.ended}, t = {_number(history.state.time)}"),
-        ("steps", len(history.rows) - 1),
+        ("steps", len(history.taken)),
         ("frames", len(history.frames)),
         ("largest residual", history.residual),
         ("least margin", f"{_number(history.margin)}: {history.uniqueness}"),
