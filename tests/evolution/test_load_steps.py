@@ -147,6 +147,19 @@ def test_supports_and_initial_stress_change_from_step_to_step() -> None:
     assert force[3] == pytest.approx(pressed[2], rel=1e-8)  # it jumps
 
 
+def test_steps_may_begin_with_an_interference_fit() -> None:
+    """A block that is pressed against its foundation by its height alone, then lifted by half of that."""
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 4), hv.Material.young(10.0, 0.0),
+        {"bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3), gap=-0.01)},
+        {"left": "roller", "right": "roller", "top": hv.Fixed(y=0.0)},
+        steps=[Step("fit"), Step("lift", supports={"top": hv.Fixed(y=0.005)})],
+    )  # fmt: skip
+    history = hv.march(hv.Evolution(problem))
+    assert history["normal_force"] == pytest.approx([0.1, 0.05], rel=1e-9)
+    assert np.isfinite([row.values["elastic"] for row in history.rows]).all()
+
+
 def test_a_problem_with_steps_is_pickled_and_put_on_another_mesh() -> None:
     problem = sheet(20)
     again = pickle.loads(pickle.dumps(problem))

@@ -122,6 +122,7 @@ def print_history(history: History) -> None:
     out.print(f" at t = {history.state.time:g} after {steps} steps ({solved}), {len(history.frames)} frames")
     if not steps:
         return
+    _print_load_steps(history)
     print(f"worst residual    {history.residual:.1e}")
     print(f"least margin      {history.margin:.6g}{'; ' if history.margin <= 0.0 else ', '}{history.uniqueness}")
     if "load_factor" in history.columns:
@@ -153,6 +154,17 @@ def print_history(history: History) -> None:
     for message in history.messages[:_SHOWN]:
         print(f"note              {shown(message)}")
     sys.stdout.flush()
+
+
+def _print_load_steps(history: History) -> None:
+    """What contact bears at the end of each load step."""
+    ends = {row.time: row for row in history.rows}
+    label = "load steps"
+    for number, step in enumerate(history.discrete.evolution.steps, start=1):
+        if (row := ends.get(float(number))) is not None:
+            forces = f"normal force {row.values['normal_force']:.6g}, friction {row.values['friction_force']:.6g}"
+            print(f"{label:<18}{number} {step.name}: {forces}, residual {row.residual:.1e}")
+            label = ""
 
 
 def code_of(history: History, name: str) -> Exit:

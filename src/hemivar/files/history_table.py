@@ -200,7 +200,7 @@ def history_record(history: History) -> Record:
 
     ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
     ``time_error`` (norm, bound, guaranteed, why), ``events`` (time, name), ``messages``, and ``table``: a list for each
-    column.
+    column; ``load_steps``, their names, where there are some.
 
     Parameters
     ----------
@@ -225,4 +225,6 @@ def history_record(history: History) -> Record:
         "messages": list(history.messages),
         "table": history_columns(history),
     }
+    if steps := history.discrete.evolution.steps:
+        record["load_steps"] = [step.name for step in steps]
     return {key: plain(value) for key, value in record.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import cast
@@ -16,7 +16,11 @@ from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import Condition, Support, Traction, VectorData, stated_values
 from hemivar.mechanics.initial_stress import InitialField, OneField
 
-__all__ = ["Step", "after_step", "between_conditions", "between_fields", "between_values"]
+__all__ = ["Step", "after_step", "between_conditions", "between_fields", "between_values", "kept_step"]
+
+
+#: What a step states as a whole, not by boundary.
+_WHOLE = ("body_force", "initial_stress", "initial_strain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +80,7 @@ class Step(PickleMixin):
 def after_step(before: Mapping[str, object], step: Step) -> dict[str, object]:
     """The fields that a step changes, of what there was before it, by name."""
     after: dict[str, object] = {}
-    for name in ("body_force", "initial_stress", "initial_strain"):
+    for name in _WHOLE:
         if step.changes(name):
             after[name] = getattr(step, name)
     for name in ("supports", "tractions"):
@@ -85,14 +89,28 @@ def after_step(before: Mapping[str, object], step: Step) -> dict[str, object]:
     return after
 
 
+def kept_step(step: Step, after: Mapping[str, object]) -> Step:
+    """A step with its values as the problem after it keeps them."""
+    kept: dict[str, object] = {name: after[name] for name in _WHOLE if step.changes(name)}
+    for name in ("supports", "tractions"):
+        kept[name] = {key: cast(Mapping[str, object], after[name])[key] for key in getattr(step, name)}
+    return replace(step, **kept)  # type: ignore[arg-type]
+
+
 def between_conditions(
-    before: Mapping[str, Condition], after: Mapping[str, Condition], share: float, what: str
+    before: Mapping[str, Condition], after: Mapping[str, Condition], share: float, what: str, moved: Collection[str]
 ) -> dict[str, Condition]:
-    """Supports or loads by boundary a share of the way from one to the other; what was not there grows from zero."""
-    return {name: _between(before.get(name), one, share, f"{what}['{name}']") for name, one in after.items()}
+    """Supports or loads by boundary a share of the way from one to the other; what was not there grows from zero.
+
+    Supports that a step moves are functions in all of them, so that what they hold may move where it rests.
+    """
+    moves = moved if what == "supports" else ()
+    return {
+        name: _between(before.get(name), one, share, f"{what}['{name}']", name in moves) for name, one in after.items()
+    }
 
 
-def _between(before: Condition | None, after: Condition, share: float, what: str) -> Condition:
+def _between(before: Condition | None, after: Condition, share: float, what: str, moves: bool) -> Condition:
     values = stated_values(after)  # type: ignore[arg-type]
     old = dict.fromkeys(values, 0.0) if before is None else stated_values(before)  # type: ignore[arg-type]
     if before is not None and old.keys() != values.keys():
@@ -102,7 +120,8 @@ def _between(before: Condition | None, after: Condition, share: float, what: str
             raise ProblemError(
                 f"{what} prescribes something else than before; name the same components, or the same kind of load"
             )
-    changed = {key: between_values(old[key], value, share) for key, value in values.items()}
+    between = _Between if moves else between_values
+    changed = {key: between(old[key], value, share) for key, value in values.items()}
     if "" in changed:
         return cast(Condition, changed[""])
     return replace(after, **changed) if changed else after  # type: ignore[type-var, arg-type]
@@ -110,7 +129,7 @@ def _between(before: Condition | None, after: Condition, share: float, what: str
 
 def between_values(before: object, after: object, share: float) -> object:
     """A quantity a share of the way from one to another."""
-    if before is after:
+    if before is after or share == 1.0:
         return after
     if callable(before) or callable(after):
         return _Between(before, after, share)
@@ -120,6 +139,8 @@ def between_values(before: object, after: object, share: float) -> object:
 
 def between_fields(before: InitialField, after: InitialField, share: float, what: str) -> InitialField:
     """An initial stress or strain a share of the way from one to another."""
+    if before is after or share == 1.0:
+        return after
     if isinstance(before, Mapping) or isinstance(after, Mapping):
         one, two = _by_region(before, what), _by_region(after, what)
         regions = dict.fromkeys([*one, *two])

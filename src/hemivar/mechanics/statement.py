@@ -41,7 +41,7 @@ from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.initial_stress import InitialField, checked_field, field_at, field_depends_on_time, is_zero
 from hemivar.mechanics.instants import depends_on_time, error_context
 from hemivar.mechanics.kinematics import BodyKinematics
-from hemivar.mechanics.load_steps import Step, after_step, between_conditions, between_fields, between_values
+from hemivar.mechanics.load_steps import Step, after_step, between_conditions, between_fields, between_values, kept_step
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
@@ -395,15 +395,14 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _in_step(self, t: float) -> ContactProblem:
         """The problem at a time, within a step or at its end."""
         number = int(np.clip(np.ceil(t), 1, len(self.steps)))
-        before, after, share = self._stages[number - 1], self._stages[number], t - (number - 1)
-        if share >= 1.0 or not self.steps[number - 1].ramp:
-            return after
-        bound, share = copy.copy(after), max(share, 0.0)
+        before, after = self._stages[number - 1], self._stages[number]
+        share = float(np.clip(t - (number - 1), 0.0, 1.0)) if self.steps[number - 1].ramp else 1.0
+        bound, moved = copy.copy(after), {name for step in self.steps for name in step.supports}
         changed: dict[str, object] = {"body_force": between_values(before.body_force, after.body_force, share)}
         for name in INITIAL:
             changed[name] = between_fields(getattr(before, name), getattr(after, name), share, name)
         for name in ("supports", "tractions"):
-            parts = between_conditions(getattr(before, name), getattr(after, name), share, name)
+            parts = between_conditions(getattr(before, name), getattr(after, name), share, name, moved)
             changed[name] = MappingProxyType(parts)
         for name, value in changed.items():
             object.__setattr__(bound, name, value)
@@ -432,6 +431,8 @@ class ContactProblem(PickleMixin, ReprMixin):
                     f"step '{step.name}' supports '{new}', which the problem does not; state the support there, and "
                     "its values in steps"
                 )
+        stated = zip(steps, self._stages[1:], strict=True)
+        object.__setattr__(self, "steps", tuple(kept_step(step, vars(stage)) for step, stage in stated))
         if any(stage.time_dependent for stage in self._stages):
             raise ProblemError("something depends on t beside the steps; leave t out, or state all of it in time")
         for before, step in enumerate(steps):
