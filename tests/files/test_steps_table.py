@@ -79,6 +79,27 @@ def test_steps_are_written_and_read_again(tmp_path: Path) -> None:
         ))  # fmt: skip
 
 
+def test_bolts_of_a_file_are_tightened_and_written() -> None:
+    text = """
+    mesh = { rectangle = [1.0, 1.0], cells = 4 }
+    material = { young = 100.0, poisson = 0.0 }
+    supports = { top = "clamped", left = "roller", right = "roller" }
+    contact.bottom.normal = "bolt"
+    steps = [{ name = "tighten", bolts.bottom = 2.0 }, { name = "work", supports.top.displacement = [0.0, 0.01] }]
+    """
+    text = text.replace('top = "clamped"', "top = { displacement = [0.0, 0.0] }")
+    stated = parse_problem_file(text)
+    assert stated.problem.steps[0].bolts == {"bottom": 2.0}
+    again = parse_problem_file(problem_text(stated)).problem
+    assert problem_text(again) == problem_text(stated)
+    history = hv.march(hv.Evolution(again))
+    assert -history["normal_force"] == pytest.approx([2.0, 3.0], rel=1e-9)  # the block is stretched by .01 more
+    with pytest.raises(ProblemError, match=r"\[steps.0.bolts\] bottom: must be a number"):
+        parse_problem_file(text.replace("bolts.bottom = 2.0", 'bolts.bottom = "tight"'))
+    with pytest.raises(ProblemError, match="it tightens a bolt at 'left', where there is none"):
+        parse_problem_file(text.replace("bolts.bottom", "bolts.left"))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -286,7 +286,7 @@ def _mesh_of(case: Case, folder: Path) -> str | None:
     return "mesh.vtu" if (folder / "mesh.vtu").exists() else None
 
 
-_CONVEX = {"survey", "signorini", "compliance", "bilateral", "finite-penetration", "none", "tresca"}
+_CONVEX = {"survey", "signorini", "compliance", "bilateral", "finite-penetration", "none", "bolt", "tresca"}
 
 
 def _compared(record: dict, problem: Path, verdict: Verdict) -> None:

@@ -31,8 +31,10 @@ def _step(table: TomlTable, mesh: Mesh) -> Step:
     if not isinstance(ramp, bool):
         raise table.error("ramp", f"must be true or false, not {kind(ramp)}")
     loads = read_loads(table.table("loads", _LOADS), mesh, False)
+    given = table.table("bolts", None)
+    bolts = {boundary: given.number(boundary, force) for boundary, force in given.data.items()}
     with context(f"{table.source}: [{table.name}]"):
-        return Step(name, read_supports(table, mesh, False), ramp=ramp, **loads)  # type: ignore[arg-type]
+        return Step(name, read_supports(table, mesh, False), bolts=bolts, ramp=ramp, **loads)  # type: ignore[arg-type]
 
 
 def steps_record(problem: ContactProblem) -> list[dict[str, object]]:
@@ -49,5 +51,6 @@ def _record(step: Step, dim: int) -> dict[str, object]:
             loads[key] = [0.0] * dim if none else written(value, stated.form, f"step '{step.name}': {field.name}")
     loads |= tractions_record(step.tractions, dim)
     record: dict[str, object] = {"name": step.name} | ({} if step.ramp else {"ramp": False})
-    parts: Mapping[str, object] = {"loads": loads, "supports": named_supports_record(step.supports)}
+    supports = named_supports_record(step.supports)
+    parts: Mapping[str, object] = {"loads": loads, "supports": supports, "bolts": dict(step.bolts)}
     return record | {key: part for key, part in parts.items() if part}

@@ -119,7 +119,7 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
             "slave",
         ),
         "area.*": ("normal", "friction", "belt", "memory"),
-        "steps": ("name", "ramp", "loads", "supports"),
+        "steps": ("name", "ramp", "loads", "supports", "bolts"),
         "time": _time_keys,
         "output": _output_keys,
         "solver": keys_of(SolverSettings),

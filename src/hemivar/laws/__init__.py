@@ -61,6 +61,7 @@ from hemivar.laws.memory import (
 from hemivar.laws.normal import (
     Adhesive,
     Bilateral,
+    Bolt,
     Capped,
     Compliance,
     FinitePenetration,
@@ -82,6 +83,7 @@ __all__ = [
     "BenzeggaghKenane",
     "Bilateral",
     "BilinearCohesion",
+    "Bolt",
     "Bonding",
     "Capped",
     "Compliance",

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import cast
 
 import numpy as np
 
-from hemivar.basics.arguments import described, expect
+from hemivar.basics.arguments import described, expect, number
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.laws.normal.bolts import Bolt
 from hemivar.mechanics.conditions import Condition, Support, Traction, VectorData, stated_values
+from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.initial_stress import InitialField, OneField
 
-__all__ = ["Step", "after_step", "between_conditions", "between_fields", "between_values", "kept_step"]
+__all__ = [
+    "Step",
+    "after_step",
+    "between_bolts",
+    "between_conditions",
+    "between_fields",
+    "between_values",
+    "bolted",
+    "kept_step",
+]
 
 
 #: What a step states as a whole, not by boundary.
 _WHOLE = ("body_force", "initial_stress", "initial_strain")
+#: What it states by boundary.
+_NAMED = ("supports", "tractions", "bolts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +50,9 @@ class Step(PickleMixin):
         0 takes a load away.
     body_force, initial_stress, initial_strain
         As those of the problem; None: as before.
+    bolts : mapping of boundary name to float
+        Tension, a force, of contacts with the law :class:`hemivar.laws.Bolt` that are tightened in this step; they are
+        held from its end on.
     ramp : bool
         Whether what changes grows evenly within the step, where it is taken in increments; else it is there at once.
 
@@ -53,19 +69,22 @@ class Step(PickleMixin):
     body_force: VectorData | float | None = None
     initial_stress: InitialField | None = None
     initial_strain: InitialField | None = None
+    bolts: Mapping[str, float] = field(default_factory=dict)
     ramp: bool = True
 
     def __post_init__(self) -> None:
         if not expect(self.name, str, "the name of a step", "give a text").strip():
             raise ProblemError("a step has no name; give it one, Step('clamp', ...)")
         expect(self.ramp, bool, f"step '{self.name}': ramp", "give True or False")
-        for name in ("supports", "tractions"):
+        for name in _NAMED:
             given = getattr(self, name)
             if not isinstance(given, Mapping):
                 raise ProblemError(
                     f"step '{self.name}': {name} must map boundary names to conditions; it is {described(given)}"
                 )
             object.__setattr__(self, name, MappingProxyType(dict(given)))
+        forces = {name: number(one, f"step '{self.name}': bolts['{name}']") for name, one in self.bolts.items()}
+        object.__setattr__(self, "bolts", MappingProxyType(forces))
 
     def __repr__(self) -> str:
         changed = [one.name for one in fields(self)[1:-1] if self.changes(one.name)]
@@ -74,7 +93,7 @@ class Step(PickleMixin):
     def changes(self, what: str) -> bool:
         """Whether it says something of a field."""
         value = getattr(self, what)
-        return bool(value) if isinstance(value, Mapping) and what in ("supports", "tractions") else value is not None
+        return bool(value) if isinstance(value, Mapping) and what in _NAMED else value is not None
 
 
 def after_step(before: Mapping[str, object], step: Step) -> dict[str, object]:
@@ -87,6 +106,38 @@ def after_step(before: Mapping[str, object], step: Step) -> dict[str, object]:
         if step.changes(name):
             after[name] = {**cast(Mapping[str, object], before[name]), **getattr(step, name)}
     return after
+
+
+def bolted(contact: Mapping[str, Contact], step: Step, areas: Callable[[str], float]) -> dict[str, Contact]:
+    """Contacts after a step: bolts that it tightens have their tension, those that were tightened before are held.
+
+    ``areas`` tells the area of a boundary.
+    """
+    for name in step.bolts:
+        if name not in contact or not isinstance(contact[name].normal, Bolt):
+            raise ProblemError(f"it tightens a bolt at '{name}', where there is none; state Contact(Bolt(), ...) there")
+    after = dict(contact)
+    for name, one in contact.items():
+        if name in step.bolts:
+            after[name] = replace(one, normal=Bolt(step.bolts[name] / areas(name)))
+        elif isinstance(one.normal, Bolt) and _acts(one.normal.tension):
+            after[name] = replace(one, normal=replace(one.normal, held=1.0))
+    return after
+
+
+def between_bolts(before: Mapping[str, Contact], after: Mapping[str, Contact], share: float) -> dict[str, Contact]:
+    """Contacts a share of the way through a step: the tension of bolts that are tightened grows to what it will be."""
+    between = dict(after)
+    for name, one in after.items():
+        bolt, old = one.normal, before[name].normal
+        if bolt is not old and isinstance(bolt, Bolt) and isinstance(old, Bolt) and not _acts(bolt.held):
+            tension = between_values(0.0 if _acts(old.held) else old.tension, bolt.tension, share)
+            between[name] = replace(one, normal=Bolt(cast(float, tension)))
+    return between
+
+
+def _acts(value: object) -> bool:
+    return callable(value) or bool(np.any(np.asarray(value)))
 
 
 def kept_step(step: Step, after: Mapping[str, object]) -> Step:
@@ -114,7 +165,7 @@ def _between(before: Condition | None, after: Condition, share: float, what: str
     values = stated_values(after)  # type: ignore[arg-type]
     old = dict.fromkeys(values, 0.0) if before is None else stated_values(before)  # type: ignore[arg-type]
     if before is not None and old.keys() != values.keys():
-        if "" in values and not any(callable(one) or np.any(one) for one in old.values()):  # there was none
+        if "" in values and not any(map(_acts, old.values())):  # there was none
             old = dict.fromkeys(values, 0.0)
         else:
             raise ProblemError(

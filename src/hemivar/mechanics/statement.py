@@ -41,7 +41,16 @@ from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.initial_stress import InitialField, checked_field, field_at, field_depends_on_time, is_zero
 from hemivar.mechanics.instants import depends_on_time, error_context
 from hemivar.mechanics.kinematics import BodyKinematics
-from hemivar.mechanics.load_steps import Step, after_step, between_conditions, between_fields, between_values, kept_step
+from hemivar.mechanics.load_steps import (
+    Step,
+    after_step,
+    between_bolts,
+    between_conditions,
+    between_fields,
+    between_values,
+    bolted,
+    kept_step,
+)
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
@@ -342,7 +351,10 @@ class ContactProblem(PickleMixin, ReprMixin):
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: some of "load", "supports", "gap" and "law"; empty at rest."""
         if self.steps:
-            return frozenset({"load"} | ({"supports"} if any(step.supports for step in self.steps) else set()))
+            also = {"supports": "supports", "bolts": "law"}
+            return frozenset(
+                {"load", *(part for name, part in also.items() if any(s.changes(name) for s in self.steps))}
+            )
         parts = {part for contact in self.contact.values() for part in contact.time_dependent}
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
         prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
@@ -389,8 +401,14 @@ class ContactProblem(PickleMixin, ReprMixin):
         for step in self.steps:
             before = stages[-1]
             with error_context(f"step '{step.name}'"):
-                stages.append(replace(before, **after_step(vars(before), step)))  # type: ignore[arg-type]
+                contact = bolted(before.contact, step, self._area)
+                stages.append(replace(before, contact=contact, **after_step(vars(before), step)))  # type: ignore[arg-type]
         return tuple(stages)
+
+    def _area(self, boundary: str) -> float:
+        """The area of a boundary, of the whole ring of a body of revolution."""
+        rule = boundary_rule(self.mesh, boundary)
+        return float((rule.weights * self.kinematics.measure(self.mesh.points[rule.facets].mean(axis=1))).sum())
 
     def _in_step(self, t: float) -> ContactProblem:
         """The problem at a time, within a step or at its end."""
@@ -404,6 +422,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         for name in ("supports", "tractions"):
             parts = between_conditions(getattr(before, name), getattr(after, name), share, name, moved)
             changed[name] = MappingProxyType(parts)
+        changed["contact"] = MappingProxyType(between_bolts(before.contact, after.contact, share))
         for name, value in changed.items():
             object.__setattr__(bound, name, value)
         return bound

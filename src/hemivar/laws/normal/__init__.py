@@ -1,5 +1,6 @@
 """Normal laws by name: monotone ones, and foundations that break."""
 
+from hemivar.laws.normal.bolts import Bolt
 from hemivar.laws.normal.breaking import Adhesive, Capped, Layered, SawTooth, Softening
 from hemivar.laws.normal.monotone import (
     Bilateral,
@@ -13,6 +14,7 @@ from hemivar.laws.normal.monotone import (
 __all__ = [
     "Adhesive",
     "Bilateral",
+    "Bolt",
     "Capped",
     "Compliance",
     "FinitePenetration",
