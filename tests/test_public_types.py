@@ -119,6 +119,7 @@ def examples() -> dict[str, list[object]]:
         hv.laws.SawTooth([1.0], [2.0]),
         hv.FormulaLaw("r^2 * max(r, 0)", reach=3.0),
         hv.table_law([0.0, 1.0], [0.0, 2.0]),
+        hv.laws.Bolt(2.0),
         hv.Tresca(0.5),
         hv.SlipWeakening(0.5),
         hv.laws.SlipTable(1.0, [0.0, 1.0], [1.0, 0.5]),
@@ -190,6 +191,7 @@ def examples() -> dict[str, list[object]]:
         hv.evolution.MarginLost(),
         hv.evolution.When(function=abs, label="own"),
         hv.study(problem, 1),
+        hv.mechanics.Step("pull", tractions={"top": (0.0, -1.0)}, initial_stress=-1.0),
         hv.sweep(lambda _: problem, {"none": [0.0]}),
     ]
     made: dict[str, list[object]] = {}

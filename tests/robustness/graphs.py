@@ -120,6 +120,10 @@ def normal_graph(law: Mapping[str, Any] | str, number: Number, folder: Path) -> 
             return Graph([], [_zero], upper=0.0)
         case "bilateral":
             return Graph([], [_zero], lower=0.0, upper=0.0)
+        case "bolt":
+            tension = get("tension", 0.0)
+            held = get("held", 0.0, 0.0) > 0.0
+            return Graph([], [_zero], lower=0.0, upper=0.0) if held else Graph([], [_spring(0.0, -tension)])
         case "compliance":
             c, p = get("stiffness", None, 0.0), get("exponent", 1.0, 1.0)
             return Graph([0.0], [_zero, lambda r: c * max(r, 0.0) ** p])

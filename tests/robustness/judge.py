@@ -286,7 +286,9 @@ def _mesh_of(case: Case, folder: Path) -> str | None:
     return "mesh.vtu" if (folder / "mesh.vtu").exists() else None
 
 
-_CONVEX = {"survey", "signorini", "compliance", "bilateral", "finite-penetration", "barton-bandis", "none", "tresca"}
+_CONVEX = {
+    "survey", "signorini", "compliance", "bilateral", "finite-penetration", "barton-bandis", "none", "bolt", "tresca",
+}  # fmt: skip
 
 
 def _compared(record: dict, problem: Path, verdict: Verdict) -> None:

@@ -420,6 +420,8 @@ _GRAPHS = [
     ("signorini", -1.0, (0.0, 0.0)),
     ("signorini", 0.0, (0.0, math.inf)),
     ("bilateral", 0.0, (-math.inf, math.inf)),
+    ({"law": "bolt", "tension": 2.0}, 0.1, (-2.0, -2.0)),
+    ({"law": "bolt", "tension": 2.0, "held": 1.0}, 0.0, (-math.inf, math.inf)),
     ({"law": "compliance", "stiffness": 2.0, "exponent": 3.0}, 0.5, (0.25, 0.25)),
     ({"law": "softening", "stiffness": 10.0, "limit": 0.1, "softening": 5.0}, 0.2, (0.5, 0.5)),
     ({"law": "softening", "stiffness": 10.0, "limit": 0.1, "softening": 5.0}, 0.4, (0.0, 0.0)),

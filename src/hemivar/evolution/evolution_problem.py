@@ -16,6 +16,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.fem.forms import FormProblem
 from hemivar.mechanics.conditions import DataField
+from hemivar.mechanics.load_steps import Step
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat
 
@@ -62,7 +63,7 @@ class Evolution(PickleMixin):
     velocity : likewise, optional
         At the start, with inertia; zero by default.
     start : float
-        Time at which it begins.
+        Time at which it begins. Of a problem with load steps it is 1, the end of the first one.
     mass : Mass
     heat : Heat, optional
         Heat in a body, coupled with its motion in every step.
@@ -89,7 +90,7 @@ class Evolution(PickleMixin):
         start = number(self.start, "the start of an evolution", "give a time")
         if not np.isfinite(start):
             raise ProblemError(f"the evolution starts at {start}; give a finite time")
-        object.__setattr__(self, "start", start)
+        object.__setattr__(self, "start", 1.0 if self.steps else start)
         object.__setattr__(self, "mass", one_of(self.mass, "mass", Mass))
         if self.heat is not None and not self.linear and not problem.kind:
             raise ProblemError(
@@ -108,6 +109,8 @@ class Evolution(PickleMixin):
                 "an initial velocity is given, but the body has no inertia, so it would have no effect; use "
                 "inertia=True with a density, or leave the velocity out"
             )
+        if self.steps:
+            self._check_steps(start)
         for name in ("displacement", "velocity"):
             self.initial(name)
         _ = self.conduction
@@ -120,6 +123,19 @@ class Evolution(PickleMixin):
     def linear(self) -> bool:
         """Whether the stress, or the flux, is linear in the strain or gradient."""
         return self.problem.material.linear
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The load steps of the problem, step k ending at t = k; empty where it goes through time itself."""
+        return () if isinstance(self.problem, FormProblem) else tuple(self.problem.steps)
+
+    def _check_steps(self, start: float) -> None:
+        """Refuse load steps beside what needs durations."""
+        heated = "heat" if self.heat is not None else ""
+        if what := heated or ("mass or viscosity" if self.resists else ""):
+            raise ProblemError(f"load steps have no duration, which {what} needs; leave it out, or state loads in time")
+        if start != 0.0:
+            raise ProblemError(f"load steps begin with the first one, and start is {start:g}; leave start out")
 
     @property
     def resists(self) -> bool:

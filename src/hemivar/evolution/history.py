@@ -127,9 +127,14 @@ class History(PickleMixin, ReprMixin):
 
     def __repr__(self) -> str:
         return (
-            f"History({len(self.steps) - 1} steps to t = {self.state.time:g}, {self.ended}; "
+            f"History({len(self.taken)} steps to t = {self.state.time:g}, {self.ended}; "
             f"least margin {self.margin:.3g}, largest residual {self.residual:.2g}, {len(self.frames)} frames)"
         )
+
+    @property
+    def taken(self) -> tuple[Row, ...]:
+        """The rows of steps: all but that of the start, which is the first of load steps."""
+        return self.steps if self.discrete.evolution.steps else self.steps[1:]
 
     @property
     def finished(self) -> bool:
@@ -183,12 +188,12 @@ class History(PickleMixin, ReprMixin):
     @property
     def margin(self) -> float:
         """Least margin of all steps; inf if none was taken."""
-        return min((row.margin for row in self.steps[1:] if not np.isnan(row.margin)), default=np.inf)
+        return min((row.margin for row in self.taken if not np.isnan(row.margin)), default=np.inf)
 
     @property
     def uniqueness(self) -> str:
         """What the margins say of the solutions of the steps, in words: whether each has one only is said if proved."""
-        margins = self["margin"][1:]
+        margins = np.array([row.margin for row in self.taken])
         if not len(margins):
             return "no step was taken"
         lost = int(np.count_nonzero(~(margins > 0.0)))
@@ -217,13 +222,14 @@ class History(PickleMixin, ReprMixin):
 
     def claims(self) -> list[Claim]:
         """How it ended, what the margins say, the energy balance, the error in time, events and messages."""
-        steps, ledger = len(self.steps) - 1, self.ledger
+        steps, ledger = len(self.taken), self.ledger
         others = int(self["fallbacks"].sum()) if "fallbacks" in self.columns else 0
         solved = f"{int(self['solver_steps'].sum())} of the solver" + (f", {others} fallbacks" if others else "")
         after = f"at t = {self.state.time:g} after {steps} steps ({solved}), {len(self.frames)} frames"
         claims = [Claim("status", f"{self.ended} {after}", self.ended)]
         if not steps:
             return claims
+        claims += self._load_steps()
         claims.append(Claim("worst residual", f"{self.residual:.1e}", self.residual))
         lost = "; " if self.margin <= 0.0 else ", "
         claims.append(Claim("least margin", f"{self.margin:.6g}{lost}{self.uniqueness}", self.margin))
@@ -248,10 +254,20 @@ class History(PickleMixin, ReprMixin):
         claims += [Claim("event", f"{name} at t = {when:.6g}", when) for when, name in self.events]
         return claims + [Claim("note", message) for message in self.messages]
 
+    def _load_steps(self) -> list[Claim]:
+        """What contact bears at the end of each load step."""
+        ends, claims = {row.time: row for row in self.steps}, list[Claim]()
+        for index, step in enumerate(self.discrete.evolution.steps, start=1):
+            if (row := ends.get(float(index))) is not None:
+                forces = f"normal force {row.values['normal_force']:.6g}, friction {row.values['friction_force']:.6g}"
+                words = f"{index} {step.name}: {forces}, residual {row.residual:.1e}"
+                claims.append(Claim("" if claims else "load steps", words))
+        return claims
+
     @property
     def residual(self) -> float:
         """Largest relative residual of all steps."""
-        return float(max((row.residual for row in self.steps[1:]), default=0.0))
+        return float(max((row.residual for row in self.taken), default=0.0))
 
     def at(self, time: float) -> Frame:
         """The body at a time, between two frames on a straight line.
@@ -299,14 +315,14 @@ class History(PickleMixin, ReprMixin):
 
         ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
         ``time_error`` (norm, bound, guaranteed, why), ``events`` (time, name), ``messages``, and ``table``: a list for
-        each column.
+        each column; ``load_steps``, their names, where there are some.
         """
         error = self.time_error
         record = {
             "hemivar": version("hemivar"),
             "ended": self.ended,
             "time": self.state.time,
-            "steps": len(self.steps) - 1,
+            "steps": len(self.taken),
             "solver_steps": int(self["solver_steps"].sum()),
             "margin": self.margin,
             "residual": self.residual,
@@ -316,6 +332,8 @@ class History(PickleMixin, ReprMixin):
             "messages": list(self.messages),
             "table": self.rows().by_name(),
         }
+        if steps := self.discrete.evolution.steps:
+            record["load_steps"] = [step.name for step in steps]
         return {key: plain(value) for key, value in record.items()}
 
     def to_json(self, path: str | Path) -> Path:

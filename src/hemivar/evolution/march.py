@@ -13,7 +13,7 @@ from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
-from hemivar.errors import FileError, HemivarError, MethodError
+from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.history import History
@@ -32,7 +32,7 @@ __all__ = ["Backend", "March", "StepEvent", "march", "marching", "refuse_plan"]
 @showing_options(March)
 def march(
     evolution: Evolution | DiscreteEvolution | ManufacturedProblem,
-    until: float,
+    until: float | None = None,
     *,
     workspace: Workspace | None = None,
     **options: Any,
@@ -42,8 +42,8 @@ def march(
     Parameters
     ----------
     evolution : Evolution, DiscreteEvolution, or ManufacturedProblem of an evolution
-    until : float
-        Time at which it ends.
+    until : float, optional
+        Time at which it ends; the last load step by default.
     workspace : Workspace, optional
         Keeps factors and levels for other runs of the same body.
     **options
@@ -78,7 +78,16 @@ def march(
     >>> len(history.frames), round(float(history.frames[-1].displacement.min()), 3)
     (5, -0.124)
     """
-    return result_of(marching(evolution, March(until, **options), workspace=workspace))
+    end = _end(evolution) if until is None else until
+    return result_of(marching(evolution, March(end, **options), workspace=workspace))
+
+
+def _end(evolution: object) -> float:
+    """The end of the last load step."""
+    stated = evolution.evolution if isinstance(evolution, DiscreteEvolution) else evolution
+    if not isinstance(stated, Evolution) or not stated.steps:
+        raise ProblemError("until is missing; give the time of the end")
+    return float(len(stated.steps))
 
 
 def marching(
@@ -95,6 +104,7 @@ def marching(
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"
     evolution = expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
     stated = evolution.evolution if isinstance(evolution, DiscreteEvolution) else evolution
+    plan = plan.of(stated)
     refuse_plan(stated, plan)
     budget = Budget(plan.max_time)
     discrete = discretize_evolution(evolution) if isinstance(evolution, Evolution) else evolution

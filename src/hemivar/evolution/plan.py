@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hemivar.basics.arguments import expect, number, quoted, suggest
@@ -158,6 +158,14 @@ class March:
         if expect(self.resume, bool, "resume", "give True or False") and self.checkpoint is None:
             raise ProblemError("resume needs a checkpoint; name its file, checkpoint='run.ckpt'")
 
+    def of(self, stated: Evolution) -> March:
+        """The plan for an evolution: one increment for each of its load steps where no length is given."""
+        if not stated.steps:
+            return self
+        ends = tuple(float(number) for number in range(2, len(stated.steps)))
+        step = FixedStep(1.0) if self.step is None else self.step
+        return replace(self, step=step, stops=(*self.stops, *(end for end in ends if end < self.until)))
+
     def stepping(self, span: float) -> StepSizeController:
         """The control of steps of an evolution that lasts ``span``."""
         return FixedStep(span / 100.0) if self.step is None else self.step  # type: ignore[return-value]
@@ -175,6 +183,10 @@ def _scheme_of(scheme: object) -> Scheme:
 def refuse_plan(stated: Evolution, plan: March) -> None:
     """Refuse a way of computing an evolution that does not fit it."""
     scheme = plan.scheme
+    if stated.steps and plan.until > len(stated.steps):
+        raise ProblemError(f"there are {len(stated.steps)} load steps, and until is {plan.until:g}; leave until out")
+    if stated.steps and isinstance(plan.control, Control):
+        raise ProblemError("control finds the load, and load steps state it; leave one of the two out")
     span = plan.until - stated.start
     if not 0.0 < span < math.inf:
         raise ProblemError(

@@ -146,6 +146,7 @@ class TimeLoop:
         self.ends = step_ends(plan.stops, plan.until, self.start, () if controlled else kinks)
         self.instantaneous = has_instantaneous_part(discrete)
         self.no_equilibrium: StepResult | None = None
+        self.first: StepResult | None = None  # of load steps
         self.identity = ""
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
@@ -171,7 +172,7 @@ class TimeLoop:
             self.state = self._initial_equilibrium(initial_state(self.stepper, self.step_size.step))
             self.frames = Frames(self.plan.save, self.start)
             self.frames.offer(self.discrete, self.state)
-            self.rows = [self._row(None)]
+            self.rows = [self._first_row()]
             self.events: list[tuple[float, str]] = []
             self.largest = self.farthest = 0.0
             self.origin = self.state.body.displacement
@@ -305,6 +306,7 @@ class TimeLoop:
                 "the nearest equilibrium,"
                 f" {off:.3g} away: leave it out, or give mass or viscosity"
             )
+        self.first = taken if self.discrete.evolution.steps else None
         return with_own_balance(taken.state)
 
     def _equilibrium_after_jump(self, state: TimeState, step: float) -> TimeState:
@@ -437,6 +439,14 @@ class TimeLoop:
         return high, names, any(event.then is OnEvent.STOP for event in happened)
 
     # ---- the table -------------------------------------------------------------------------------------------
+
+    def _first_row(self) -> Row:
+        """The row of the start, which is the first of load steps."""
+        row, taken = self._row(None), self.first
+        if taken is None:
+            return row
+        steps = sum(solution.steps for solution in taken.solutions)
+        return replace(row, solver_steps=steps, residual=taken.residual, margin=self.margins.margin(taken))
 
     def _row(self, taken: StepResult | None, margin: float = math.nan, jumped: bool = False) -> Row:
         state = self.state

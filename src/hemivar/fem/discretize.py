@@ -251,6 +251,11 @@ def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
     gap = "a level" if problem.components == 1 else "a gap" if any(map(depends_on_time, gaps)) else "a belt"
     words = {"load": "a load", "supports": "a support", "gap": gap, "law": "a law"}
     depends = [word for part, word in words.items() if part in problem.time_dependent]
+    if problem.steps:
+        raise ProblemError(
+            f"the problem has {len(problem.steps)} load steps, and this is for one; take one of them alone, "
+            f"problem.at_time({len(problem.steps)}.0), or go through them by hemivar.march or 'hemivar march'"
+        )
     if depends:
         raise ProblemError(
             f"{' and '.join(depends)} of the problem depend{'s' if len(depends) == 1 else ''} on time; take the "

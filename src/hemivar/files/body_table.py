@@ -14,12 +14,32 @@ from hemivar.files.schema import check_named, decode, encode
 from hemivar.files.toml import TomlTable, context, kind
 from hemivar.formula.reader import VARIABLES
 from hemivar.laws.registry import NORMAL_LAWS
-from hemivar.mechanics.conditions import SUPPORTS, Clamped, Fixed, Prescribed, Pressure, ScalarData, Spring, Support
+from hemivar.mechanics.conditions import (
+    SUPPORTS,
+    Clamped,
+    Fixed,
+    Prescribed,
+    Pressure,
+    ScalarData,
+    Spring,
+    Support,
+    Traction,
+)
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import ContactConductance, Heat, HeatContact
 from hemivar.mesh import Mesh
 
-__all__ = ["HEAT_KEYS", "heat_record", "loads_record", "read_heat", "read_loads", "read_supports", "supports_record"]
+__all__ = [
+    "HEAT_KEYS",
+    "heat_record",
+    "loads_record",
+    "named_supports_record",
+    "read_heat",
+    "read_loads",
+    "read_supports",
+    "supports_record",
+    "tractions_record",
+]
 
 
 def read_loads(table: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, object]:
@@ -40,19 +60,23 @@ def loads_record(problem: ContactProblem) -> dict[str, object]:
     """The table [loads]."""
     if problem.kind:
         return encode(problem, part="loads", by=OF_ONE)
-    pushed = {name: value for name, value in problem.tractions.items() if isinstance(value, Pressure)}
+    record = encode(problem, part="loads", tractions=lambda _: {})
+    return {key: value for key, value in record.items() if value} | tractions_record(
+        problem.tractions, problem.mesh.dim
+    )
 
-    def vectors(tractions: Mapping[str, object]) -> dict[str, object]:
-        none = [0.0] * problem.mesh.dim  # the number 0 means no vector
-        plain = {name: value for name, value in tractions.items() if name not in pushed}
-        return {
-            name: none if isinstance(value, float) else entries_record(value, f"tractions['{name}']")
-            for name, value in plain.items()
-        }
 
-    record = encode(problem, part="loads", tractions=vectors)
-    parts = {name: quantity_record(load.value, f"tractions['{name}']") for name, load in pushed.items()}
-    return {key: value for key, value in (record | {"pressure": parts}).items() if value}
+def tractions_record(tractions: Mapping[str, Traction], dim: int) -> dict[str, object]:
+    """Forces per area, and pressures, by boundary."""
+    vectors: dict[str, object] = {}
+    pressures: dict[str, object] = {}
+    for name, value in tractions.items():
+        where = f"tractions['{name}']"
+        if isinstance(value, Pressure):
+            pressures[name] = quantity_record(value.value, where)
+        else:  # the number 0 means no vector
+            vectors[name] = [0.0] * dim if isinstance(value, float) else entries_record(value, where)
+    return {key: parts for key, parts in (("traction", vectors), ("pressure", pressures)) if parts}
 
 
 def read_supports(top: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, Support | ScalarData]:
@@ -110,13 +134,18 @@ def supports_record(problem: ContactProblem) -> dict[str, object]:
     """The table [supports]."""
     if problem.kind:
         return encode(problem, by=OF_ONE).get("supports", {})  # type: ignore[return-value]
+    return named_supports_record(problem.supports)
+
+
+def named_supports_record(supports: Mapping[str, object]) -> dict[str, object]:
+    """Supports of a body by boundary."""
     words: dict[type, str] = {type(support): word for word, support in SUPPORTS.items()}
 
     def record(name: str, support: Support) -> object:
         whole = getattr(support, "at", None) is None
         return (whole and words.get(type(support))) or encode(support, f"supports['{name}']")
 
-    return {name: record(name, support) for name, support in problem.supports.items()}  # type: ignore[arg-type]
+    return {name: record(name, support) for name, support in supports.items()}  # type: ignore[arg-type]
 
 
 # ---- heat ---------------------------------------------------------------------------------------------------------

@@ -42,6 +42,7 @@ from hemivar.files.not_expressible import difference, not_expressible
 from hemivar.files.schema import decode, encode
 from hemivar.files.settings import OutputSettings, SolverSettings, TimeSettings
 from hemivar.files.toml import KEYS, KEYS_OF_ONE, TomlTable, context, printable, text_of
+from hemivar.mechanics.load_steps import Step
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mechanics.thermal import Heat
@@ -270,6 +271,9 @@ def parse_problem_file(
             units=units,
             **loads,  # type: ignore[arg-type]
         )
+    if "steps" in top:
+        with context(f"{name}: [[steps]]"):
+            problem = replace(problem, steps=_read_steps(top, mesh))
     heat = None
     if "heat" in top:
         if time is None:
@@ -391,7 +395,9 @@ def problem_text(problem: ContactProblem | ManufacturedProblem | ProblemFile, fo
 def _as_file(problem: ContactProblem | ManufacturedProblem | ProblemFile) -> ProblemFile:
     remedy = "give a ContactProblem, a ScalarProblem or a ProblemFile"
     given = expect(problem, ContactProblem | ProblemFile, "what to write as a problem file", remedy)
-    return given if isinstance(given, ProblemFile) else ProblemFile(given)
+    if isinstance(given, ProblemFile):
+        return given
+    return ProblemFile(given, time=_through(given.steps) if given.steps else None)
 
 
 def _read_again(stated: ProblemFile, settings: SolverSettings, folder: Path, name: str, files: _Beside | None) -> str:
@@ -458,6 +464,10 @@ def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _B
     data["loads"] = loads_record(problem)
     data["supports"] = supports_record(problem)
     data |= contact_records(problem, aside)
+    if problem.steps:
+        with IMPORTS:
+            from hemivar.files.steps_table import steps_record
+        data["steps"] = steps_record(problem)
     if stated.heat is not None:
         data["heat"] = heat_record(stated.heat, aside)
     return _encoded(data | _time_records(stated, problem.kind), settings)
@@ -482,11 +492,25 @@ def _read_in_time(
     top: TomlTable, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None
 ) -> tuple[TimeSettings | None, OutputSettings]:
     """The tables [time] and [output]; what time needs is loaded where one of them stands."""
-    if "time" not in top and "output" not in top:
+    if not any(key in top for key in ("time", "output", "steps")):
         return None, OutputSettings()
     with IMPORTS:
         from hemivar.files.time_table import read_in_time
     return read_in_time(top, mesh, inert, scalar)
+
+
+def _read_steps(top: TomlTable, mesh: Mesh) -> Sequence[Step]:
+    """The list [[steps]]; what reads it is loaded where there is one."""
+    with IMPORTS:
+        from hemivar.files.steps_table import read_steps
+    return read_steps(top, mesh)
+
+
+def _through(steps: Sequence[Step]) -> TimeSettings:
+    """The way through load steps, one increment for each."""
+    with IMPORTS:
+        from hemivar.evolution.plan import March
+    return TimeSettings(March(float(len(steps))))
 
 
 def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict[str, object]:
@@ -496,7 +520,8 @@ def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict
     if stated.time is not None:
         with IMPORTS:
             from hemivar.files.time_table import output_record, time_record
-        records["time"] = time_record(stated.time, scalar)
+        if not stated.problem.steps:
+            records["time"] = time_record(stated.time, scalar)
         records["output"] = output_record(stated.time.march, stated.output)
     return records
 

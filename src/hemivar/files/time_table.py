@@ -42,6 +42,8 @@ def read_in_time(
     top: TomlTable, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None
 ) -> tuple[TimeSettings | None, OutputSettings]:
     """The tables [time] and [output] of a body that has a density or not, or of a scalar problem of some kind."""
+    if "steps" in top:
+        return _in_steps(top, mesh)
     if "time" not in top:
         if "output" in top:
             raise top.error("output", "says what is saved during time integration; add a table [time], or remove it")
@@ -55,10 +57,26 @@ def read_in_time(
     if "velocity" in begin.get("initial", ()) and not begin.get("inertia"):
         what = "is given to bodies with inertia only; add inertia = true, or remove it"
         raise table.error("initial.velocity", what)
+    march, files = _with_output(top, mesh, March(**plan))
+    return TimeSettings(march, **begin), files
+
+
+def _in_steps(top: TomlTable, mesh: Mesh) -> tuple[TimeSettings, OutputSettings]:
+    """The way through the load steps of a file."""
+    if "time" in top:
+        raise top.error("time", "goes without steps, which have no duration; remove one of the two")
+    given = top.data["steps"]
+    march, files = _with_output(top, mesh, March(float(len(given)) if isinstance(given, list) else 1.0))
+    return TimeSettings(march), files
+
+
+def _with_output(top: TomlTable, mesh: Mesh, plan: March) -> tuple[March, OutputSettings]:
+    """A plan with what the table [output] says."""
     output = top.table("output", KEYS["output"])
     kept = decode(Save, output, probes=lambda given: _probes(given, mesh.dim))
-    march = March(**plan, save=Save(**kept), checkpoint=_checkpoint(output) if "checkpoint" in output else None)
-    return TimeSettings(march, **begin), OutputSettings(**decode(OutputSettings, output))
+    checkpoint = _checkpoint(output) if "checkpoint" in output else None
+    march = replace(plan, save=Save(**kept), checkpoint=checkpoint)
+    return march, OutputSettings(**decode(OutputSettings, output))
 
 
 def _check(table: TomlTable, scheme: Scheme | None, inertia: bool, inert: bool, scalar: ScalarKind | None) -> None:

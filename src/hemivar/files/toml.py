@@ -87,6 +87,7 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
             "supports",
             "contact",
             "area",
+            "steps",
             "heat",
             "time",
             "output",
@@ -118,6 +119,7 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
             "slave",
         ),
         "area.*": ("normal", "friction", "belt", "memory"),
+        "steps": ("name", "ramp", "loads", "supports", "bolts"),
         "time": _time_keys,
         "output": _output_keys,
         "solver": keys_of(SolverSettings),
@@ -126,10 +128,10 @@ KEYS: Mapping[str, tuple[str, ...]] = _Keys(
 )
 
 #: Keys of the top of a file of one component.
-KEYS_OF_ONE = ("kind", *(key for key in KEYS[""] if key != "heat"))
+KEYS_OF_ONE = ("kind", *(key for key in KEYS[""] if key not in ("heat", "steps")))
 
 #: Tables that get a heading of their own when they are written; all others stand in one line.
-_HEADED = (*KEYS, "supports", "contact", "material.regions", "area", "heat.contact")
+_HEADED = (*(key for key in KEYS if key != "steps"), "supports", "contact", "material.regions", "area", "heat.contact")
 
 #: Characters of a value that a message repeats.
 _SHOWN = 60

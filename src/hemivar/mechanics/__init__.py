@@ -3,6 +3,7 @@
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Spring, Traction
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.gradient_energy import PowerLaw, SaturatingFlux
+from hemivar.mechanics.load_steps import Step
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_check import check_material
 from hemivar.mechanics.minimal_support import minimal_support
@@ -39,6 +40,7 @@ __all__ = [
     "SignedDistance",
     "Sphere",
     "Spring",
+    "Step",
     "StoredEnergy",
     "Traction",
     "check_material",

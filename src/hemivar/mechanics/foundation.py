@@ -27,6 +27,8 @@ from hemivar.laws import (
 )
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.memory import Bonding, Memory, PenetrationMemory, Secant, ViscousFoundation
+from hemivar.laws.memory.shortening import Shortening
+from hemivar.laws.normal.bolts import Bolt
 from hemivar.mechanics.conditions import ScalarData, VectorData, plain_data
 from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
 from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
@@ -325,7 +327,7 @@ class Contact(CheckedFields, PickleMixin):
     def remembers(self) -> tuple[Memory, ...]:
         """What the contact points remember in time: what is stated, and of glue by default its largest opening."""
         if self.memory is None:
-            return (Secant(),) if self.law.remembers else ()
+            return (Shortening(),) if isinstance(self.normal, Bolt) else (Secant(),) if self.law.remembers else ()
         return self.memory
 
     @cached_property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import chain
@@ -42,6 +42,16 @@ from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.initial_stress import InitialField, checked_field, field_at, field_depends_on_time, is_zero
 from hemivar.mechanics.instants import depends_on_time, error_context
 from hemivar.mechanics.kinematics import BodyKinematics
+from hemivar.mechanics.load_steps import (
+    Step,
+    after_step,
+    between_bolts,
+    between_conditions,
+    between_fields,
+    between_values,
+    bolted,
+    kept_step,
+)
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.material_words import ScalarKind
 from hemivar.mechanics.per_volume import checked_quantity
@@ -141,6 +151,10 @@ class ContactProblem(PickleMixin, ReprMixin):
     initial_strain : float, array, callable or mapping of region to these
         Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
         Linear materials.
+    steps : sequence of Step
+        Load steps: a sequence of static problems, each of which begins with the friction history of the one before.
+        The problem then depends on time, which counts the steps: step k ends at t = k. :class:`hemivar.Evolution` goes
+        through them.
 
     Raises
     ------
@@ -257,6 +271,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             key="strain", timed=True, by="region", table="loads",
         ),
     )  # fmt: skip
+    steps: Sequence[Step] = ()
 
     def __post_init__(self) -> None:
         self._check_frame()
@@ -265,6 +280,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         self._check_contacts()
         self._check_values()
         self._check_overlaps()
+        self._check_steps()
 
     def __repr__(self) -> str:
         parts = [repr(self.title)] if self.title else []
@@ -275,6 +291,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             parts.append(f"contact {'over' if name in self.areas else 'on'} {name}: {law.name}")
         for name, support in self.supports.items():
             parts.append(f"{'held' if self.kind else type(support).__name__} on {name}")
+        parts += [f"{len(self.steps)} load steps"] if self.steps else []
         return f"{'Scalar' if self.kind else 'Contact'}Problem({', '.join(parts)})"
 
     if not TYPE_CHECKING:
@@ -345,6 +362,11 @@ class ContactProblem(PickleMixin, ReprMixin):
     @cached_property
     def time_dependent(self) -> frozenset[str]:
         """What depends on time: some of "load", "supports", "gap" and "law"; empty at rest."""
+        if self.steps:
+            also = {"supports": "supports", "bolts": "law"}
+            return frozenset(
+                {"load", *(part for name, part in also.items() if any(s.changes(name) for s in self.steps))}
+            )
         parts = {part for contact in self.contact.values() for part in contact.time_dependent}
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
         prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
@@ -365,6 +387,8 @@ class ContactProblem(PickleMixin, ReprMixin):
             raise ProblemError(f"the time is {quoted(t)}; give a finite number")
         if not self.time_dependent:
             return self
+        if self.steps:
+            return self._in_step(t)
         bound = copy.copy(self)  # what holds of the statement holds at every time, and is not checked again
 
         def put(name: str, value: object) -> None:
@@ -380,7 +404,71 @@ class ContactProblem(PickleMixin, ReprMixin):
             put(name, MappingProxyType(parts))
         return bound
 
+    # ---- load steps -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def _stages(self) -> tuple[ContactProblem, ...]:
+        """The problem before the first step, and at the end of each."""
+        stages = [replace(self, steps=())]
+        for step in self.steps:
+            before = stages[-1]
+            with error_context(f"step '{step.name}'"):
+                contact = bolted(before.contact, step, self._area)
+                stages.append(replace(before, contact=contact, **after_step(vars(before), step)))  # type: ignore[arg-type]
+        return tuple(stages)
+
+    def _area(self, boundary: str) -> float:
+        """The area of a boundary, of the whole ring of a body of revolution."""
+        rule = boundary_rule(self.mesh, boundary)
+        return float((rule.weights * self.kinematics.measure(self.mesh.points[rule.facets].mean(axis=1))).sum())
+
+    def _in_step(self, t: float) -> ContactProblem:
+        """The problem at a time, within a step or at its end."""
+        number = int(np.clip(np.ceil(t), 1, len(self.steps)))
+        before, after = self._stages[number - 1], self._stages[number]
+        share = float(np.clip(t - (number - 1), 0.0, 1.0)) if self.steps[number - 1].ramp else 1.0
+        bound, moved = copy.copy(after), {name for step in self.steps for name in step.supports}
+        changed: dict[str, object] = {"body_force": between_values(before.body_force, after.body_force, share)}
+        for name in INITIAL:
+            changed[name] = between_fields(getattr(before, name), getattr(after, name), share, name)
+        for name in ("supports", "tractions"):
+            parts = between_conditions(getattr(before, name), getattr(after, name), share, name, moved)
+            changed[name] = MappingProxyType(parts)
+        changed["contact"] = MappingProxyType(between_bolts(before.contact, after.contact, share))
+        for name, value in changed.items():
+            object.__setattr__(bound, name, value)
+        return bound
+
     # ---- what is checked ------------------------------------------------------------------------------------
+
+    def _check_steps(self) -> None:
+        """Refuse load steps that do not follow one another, or of what has no steps."""
+        given: Sequence[object] = expect(self.steps, Sequence, "steps", "give a list of Step(...)")
+        steps = tuple(expect(step, Step, "a step", "give Step('clamp', tractions={...})") for step in given)
+        object.__setattr__(self, "steps", steps)
+        if not steps:
+            return
+        if self.kind:
+            raise ProblemError("steps are for bodies, and this has one component; state it in time, by formulas of t")
+        if len(steps) == 1:
+            raise ProblemError("a single step is a static problem; state its loads without steps, or give two")
+        names = [step.name for step in steps]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ProblemError(f"two steps are called '{twice}'; give each a name of its own")
+        for step in steps:
+            if new := next((name for name in step.supports if name not in self.supports), None):
+                raise ProblemError(
+                    f"step '{step.name}' supports '{new}', which the problem does not; state the support there, and "
+                    "its values in steps"
+                )
+        stated = zip(steps, self._stages[1:], strict=True)
+        object.__setattr__(self, "steps", tuple(kept_step(step, vars(stage)) for step, stage in stated))
+        if any(stage.time_dependent for stage in self._stages):
+            raise ProblemError("something depends on t beside the steps; leave t out, or state all of it in time")
+        for before, step in enumerate(steps):
+            with error_context(f"step '{step.name}'"):
+                self._in_step(before + 0.5)
 
     def _check_frame(self) -> None:
         """Refuse what is no mesh, no order, no units or no material."""

@@ -1,6 +1,7 @@
 """Normal laws by name: monotone ones, and foundations that break."""
 
 from hemivar.laws.normal.barton_bandis import BartonBandis
+from hemivar.laws.normal.bolts import Bolt
 from hemivar.laws.normal.breaking import Adhesive, Capped, Layered, SawTooth, Softening
 from hemivar.laws.normal.monotone import (
     Bilateral,
@@ -15,6 +16,7 @@ __all__ = [
     "Adhesive",
     "BartonBandis",
     "Bilateral",
+    "Bolt",
     "Capped",
     "Compliance",
     "FinitePenetration",
