@@ -11,9 +11,10 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.parameters import common_rows
+from hemivar.laws.piecewise_law import pick
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed.algebra import plus
-from hemivar.laws.transformed.transformed_law import check_law, numbers, pick
+from hemivar.laws.transformed.transformed_law import check_law, numbers
 
 __all__ = ["BondLaw", "bonded"]
 
