@@ -161,7 +161,7 @@ class Term:
         text, numbers = self.law.piece_formula(own), (self.theta, self.shift, self.weight)
         theta, shift, weight = (float(x[0, min(piece, x.shape[1] - 1)]) for x in numbers)
         if text and self.moves:
-            text = f"({text}) at {'' if theta == 1.0 else f'{theta:.6g} '}r {shift:+.6g}"
+            text = f"({text}) at {'' if theta == 1.0 else f'{theta:.6g} '}r{f' {shift:+.6g}' if shift else ''}"
         return text if weight == 1.0 or not text else f"{weight:.6g} ({text})"
 
 
