@@ -11,7 +11,7 @@ import pytest
 from hemivar.certificates import Certificate, PointKind, certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, plus
-from hemivar.laws.stacked import stack
+from hemivar.laws.piecewise_law import stack
 from hemivar.solvers import solve
 from tests.bodies import points_on_springs
 from tests.samples import sampled

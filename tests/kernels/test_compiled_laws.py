@@ -16,7 +16,7 @@ from hemivar.laws import Friction, PiecewiseQuadratic, Superpotential
 from hemivar.laws.compiled_law import lay_out
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction.profiles import LogarithmicWeakening
-from hemivar.laws.stacked import stack
+from hemivar.laws.piecewise_law import stack
 
 built = pytest.mark.skipif(kernels() is None, reason="the kernels are not compiled here")
 

@@ -11,7 +11,7 @@ from hemivar.laws import ContactLaw
 from hemivar.laws.contact_chart import ContactChart
 from hemivar.laws.friction import Friction
 from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening
-from hemivar.laws.stacked import stack
+from hemivar.laws.piecewise_law import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import affine, bonded
 

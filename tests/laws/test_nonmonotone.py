@@ -28,8 +28,8 @@ from hemivar.laws import (
     ThresholdCompliance,
     table_law,
 )
+from hemivar.laws.piecewise_law import stack
 from hemivar.laws.proof import SAMPLED, Constant, Proof
-from hemivar.laws.stacked import stack
 from hemivar.laws.testing import check_law
 from tests.samples import sampled
 

@@ -23,7 +23,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.laws.friction.profiles import LogarithmicWeakening
-from hemivar.laws.stacked import stack
+from hemivar.laws.piecewise_law import stack
 
 NAMED = {
     "survey": ThresholdCompliance(0.3, 2.0),

@@ -26,8 +26,8 @@ from hemivar.laws import (
     table_law,
 )
 from hemivar.laws.minimisers import piece_bounds
+from hemivar.laws.piecewise_law import stack
 from hemivar.laws.proof import SAMPLED, Constant, Evidence, Proof
-from hemivar.laws.stacked import stack
 from hemivar.laws.testing import LawError, check_law
 from hemivar.laws.transformed import affine, plus
 

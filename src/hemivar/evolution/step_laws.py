@@ -17,7 +17,7 @@ from hemivar.laws import NoContact, Signorini, SlipMeasure, Superpotential, Vect
 from hemivar.laws.coupled import join_laws
 from hemivar.laws.memory import LocalStep, Memory, MemoryChain, law_of_step
 from hemivar.laws.normal_and_friction import NormalAndFriction, with_friction
-from hemivar.laws.stacked import StackedLaw
+from hemivar.laws.piecewise_law import stacked
 from hemivar.laws.transformed import affine, averaged
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.instants import error_context
@@ -233,7 +233,7 @@ def _impact(stated: VectorLaw, before: TimeState, step: float, rate: float) -> V
     ]
     normal = pieces[0][0] if pieces else parts.normal
     if len(pieces) > 1:
-        normal = StackedLaw(tuple(law for law, _ in pieces), tuple(points for _, points in pieces), name="impact")
+        normal = stacked(pieces, "impact")
     return parts.with_parts(normal)
 
 

@@ -19,6 +19,7 @@ from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.minimisers import piece_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.laws.piecewise_law import stack
 from hemivar.laws.proof import Constant, Proof
 from hemivar.laws.scalar_graph import (
     is_continuous,
@@ -30,7 +31,6 @@ from hemivar.laws.scalar_graph import (
     radial_sides,
     steepest,
 )
-from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw, lengths, polar, spread
 

@@ -15,7 +15,6 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import MANY
-from hemivar.laws.rescaled import RescaledLaw
 from hemivar.laws.superpotential import Interval, Superpotential, entry
 
 __all__ = ["PiecewiseQuadratic", "TabulatedLaw"]
@@ -111,7 +110,7 @@ class TabulatedLaw(Superpotential):
     def scaled(self, factor: Array | float) -> Superpotential:
         factor, table = np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)), self.table
         if self.searched and factor.size > 1:  # one table for all points, not one for each
-            return RescaledLaw(table, factor)
+            return Superpotential.scaled(table, factor)
         times, ends = factor[:, None], (table.lower, table.upper)
         sides = times * table._left, times * table._right
         made = table.with_sides(table._stated_knots, times * table.slopes, *sides, ends, self.name)

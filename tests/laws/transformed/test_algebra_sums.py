@@ -23,7 +23,7 @@ from hemivar.laws import (
     affine,
     plus,
 )
-from hemivar.laws.stacked import stack
+from hemivar.laws.piecewise_law import stack
 from hemivar.laws.testing import check_law
 from tests.samples import sampled
 

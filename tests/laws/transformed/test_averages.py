@@ -18,7 +18,7 @@ from hemivar.laws import (
     Superpotential,
     averaged,
 )
-from hemivar.laws.stacked import stack
+from hemivar.laws.piecewise_law import stack
 from tests.samples import sampled
 
 from .catalogue import conforms

@@ -9,18 +9,18 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.laws import Adhesive, Capped, Compliance, Signorini, Superpotential, affine, bonded, envelope, plus, secant
-from hemivar.laws.rescaled import RescaledLaw
+from hemivar.laws.piecewise_law import moved
 from hemivar.laws.transformed import pushing
 from hemivar.laws.transformed.averages import averaged
 
 
 @pytest.mark.parametrize("law", [Signorini(), Compliance(20.0)], ids=str)
 def test_a_law_moved_at_no_points_has_no_rows(law: Superpotential) -> None:
-    moved = RescaledLaw(law, np.ones(1), np.full(1, 2.0), np.zeros(0))
-    assert moved.rows == 0
-    assert moved.knots.shape[0] == 0
-    assert np.broadcast_to(moved.domain.upper, (0,)).size == 0
-    assert moved.value(np.zeros(0)).shape == (0,)
+    made = moved(law, np.full(1, 2.0), np.zeros(0))
+    assert made.rows == 0
+    assert made.knots.shape[0] == 0
+    assert np.broadcast_to(made.domain.upper, (0,)).size == 0
+    assert made.value(np.zeros(0)).shape == (0,)
 
 
 @pytest.mark.parametrize("law", [Capped(20.0, 0.1), Compliance(20.0, 2.0)], ids=lambda law: law.name)

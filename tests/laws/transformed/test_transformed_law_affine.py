@@ -8,7 +8,7 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.laws import Adhesive, FormulaLaw, Softening, ThresholdCompliance, affine, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.stacked import stack
+from hemivar.laws.piecewise_law import stack
 from tests.samples import sampled
 
 from .catalogue import NORMAL, conforms

@@ -31,14 +31,13 @@ from hemivar.laws import (
 )
 from hemivar.laws.memory import LocalStep, MemoryChain, ViscousFoundation, Wear
 from hemivar.laws.minimisers import piece_bounds
-from hemivar.laws.rescaled import RescaledLaw, separated
-from hemivar.laws.stacked import StackedLaw, stack
+from hemivar.laws.piecewise_law import PiecewiseLaw, moved, separated, stack, stacked
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.testing import check_law
 from hemivar.laws.transformed.envelopes import EnvelopeLaw
-from hemivar.laws.transformed.law_graph import LawGraph, Region, spliced
+from hemivar.laws.transformed.law_graph import Region, spliced
 from hemivar.laws.transformed.transformed_law import table_of
-from hemivar.laws.transformed.turns import steepest_fall
+from hemivar.laws.turns import steepest_fall
 
 #: Convex and not, as tables, smooth, with an end.
 SOME: dict[str, Superpotential] = {
@@ -93,7 +92,7 @@ def test_an_affine_law_asked_by_itself_is_the_table(name: str) -> None:
     """The class that hands questions on, of laws that need it not too: all answers, minimisers among them."""
     law = SOME[name]
     theta, c = np.array([1.7]), np.array([0.06])
-    made = RescaledLaw(law, np.ones(1), theta, c)
+    made = moved(law, theta, c)
     alike(made, affine(law, 1.7, 0.06))
     check_law(made)
     a, b = np.array([3.0]), np.array([0.9])
@@ -133,7 +132,7 @@ def test_a_region_without_width_leaves_the_value_continuous() -> None:
     cuts = np.array([0.2, 0.2]), np.array([0.2, 0.5])
     everywhere = Interval(np.array([-np.inf]), np.array([np.inf]))
     made = spliced([Region(first), Region(), Region(last)], cuts, everywhere, "spliced")
-    assert isinstance(made, LawGraph)
+    assert isinstance(made, PiecewiseLaw)
     for cut in cuts:
         np.testing.assert_allclose(made.value(cut + 1e-9), made.value(cut - 1e-9), atol=1e-8)
     np.testing.assert_allclose(made.value(np.zeros(2)), 0.0, atol=1e-15)
@@ -142,9 +141,9 @@ def test_a_region_without_width_leaves_the_value_continuous() -> None:
 
 
 STACKED = stack([(Softening(2.0, 0.1, 0.5), 2), (Compliance(3.0, 2.0), 2), (Softening(1.0, 0.3, 0.2), 1)])
-MIXED = StackedLaw(
-    (ThresholdCompliance(0.3, 2.0), Compliance(3.0, 2.0)), (np.array([0, 2, 3]), np.array([1, 4])), name="mixed"
-)  # fmt: skip
+MIXED = stacked(
+    [(ThresholdCompliance(0.3, 2.0), np.array([0, 2, 3])), (Compliance(3.0, 2.0), np.array([1, 4]))], "mixed"
+)
 
 
 @pytest.mark.parametrize("kind", ["envelope", "secant", "pushing", "affine", "bonded", "plus"])
@@ -256,7 +255,7 @@ def test_some_points_of_a_transformed_law(kind: str) -> None:
         smooth: Superpotential = SlipWeakening(strength, 1.0, 0.4, 3.0).radial
         power: Superpotential = Compliance(10.0 * strength, 2.5)
         made = {
-            "affine": lambda s=smooth: RescaledLaw(s, np.ones(1), 1.0 + numbers, numbers),
+            "affine": lambda s=smooth: moved(s, 1.0 + numbers, numbers),
             "envelope": lambda p=power: envelope(p, numbers),
             "secant": lambda p=power: secant(affine(p, 1.0, -0.2), numbers),
             "slipped": lambda s=smooth: slipped(s, numbers),
@@ -284,13 +283,13 @@ def test_every_knot_is_met_in_spite_of_rounding() -> None:
     many = PiecewiseQuadratic(np.array([[0.0, 0.1, 0.3], [0.1, 0.2, 0.7]]), [0.0, 1.0, 2.0, 0.0], [0.5, 0.25, 1.0])
     random = np.random.default_rng(2)
     for theta, c in random.uniform(0.1, 3.0, (40, 2)):
-        made = RescaledLaw(law, np.ones(1), np.array([theta]), np.array([c]))
+        made = moved(law, np.array([theta]), np.array([c]))
         for k in range(3):
             at = made.knots[:, k]
             assert made.at_kink(at).all()
             interval = made.subdifferential(at)
             assert interval.upper[0] - interval.lower[0] == pytest.approx([0.5, 0.25, 1.0][k], rel=1e-12)
-        rows = RescaledLaw(many, np.ones(1), np.array([theta]), np.array([c]))
+        rows = moved(many, np.array([theta]), np.array([c]))
         assert all(rows.at_kink(rows.knots[:, k]).all() for k in range(3))
 
 

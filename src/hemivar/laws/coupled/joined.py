@@ -12,8 +12,8 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
+from hemivar.laws.piecewise_law import gathered_debonding
 from hemivar.laws.proof import Constant, Proof, gathered
-from hemivar.laws.stacked import gathered_debonding
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw
 

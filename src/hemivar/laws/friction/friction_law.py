@@ -23,7 +23,7 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.stacked import StackedLaw
+from hemivar.laws.piecewise_law import PiecewiseLaw
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed.algebra import affine, homogeneous
 from hemivar.laws.transformed.transformed_law import as_examined
@@ -190,8 +190,8 @@ def _check_profile(profile: Superpotential) -> None:
             return
     except TypeError:  # a class of the user's that cannot be hashed is looked at again
         pass
-    if isinstance(profile, StackedLaw):
-        for part in profile.parts:
+    if isinstance(profile, PiecewiseLaw) and profile.apart:
+        for part, _ in profile.parts:
             _check_profile(part)
         return
     try:

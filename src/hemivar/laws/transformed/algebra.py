@@ -14,13 +14,12 @@ from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import MANY
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.rescaled import RescaledLaw, moved_ends, separated
-from hemivar.laws.stacked import StackedLaw
+from hemivar.laws.piecewise_law import PiecewiseLaw, Term, count_knots, moved, moved_ends, separated
 from hemivar.laws.superpotential import Interval, Superpotential, row, taken
 from hemivar.laws.transformed.envelopes import EnvelopeLaw
-from hemivar.laws.transformed.law_graph import LawGraph, Region, Term, between, law_graph, spliced
-from hemivar.laws.transformed.transformed_law import by_parts, check_law, count_knots, merged, numbers, table_of
-from hemivar.laws.transformed.turns import turns
+from hemivar.laws.transformed.law_graph import Region, between, law_graph, spliced
+from hemivar.laws.transformed.transformed_law import by_parts, check_law, merged, numbers, table_of
+from hemivar.laws.turns import turns
 
 __all__ = ["affine", "homogeneous", "plus", "pushing", "secant", "secant_stiffness", "slipped"]
 
@@ -69,9 +68,7 @@ def _affine(law: Superpotential, theta: Array, c: Array) -> Superpotential:
         return PiecewiseQuadratic.with_sides(knots, slopes, base._left, base._right, (ends.lower, ends.upper), law.name)
     if isinstance(law, EnvelopeLaw):  # the place of the law is sought once, on the law itself
         return EnvelopeLaw(_affine(law.base, theta, c), law.compliance / theta)
-    if isinstance(law, RescaledLaw):
-        return RescaledLaw(law.base, law.factor, law.theta * theta, law.theta * c + law.c)
-    return RescaledLaw(law, np.ones(1), theta, c)
+    return moved(law, theta, c)
 
 
 def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
@@ -97,7 +94,7 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     for summand in (law, *others):
         check_law(summand)
     terms = [term for summand in (law, *others) for term in _terms(summand)]
-    stacked = next((term for term in terms if isinstance(term, StackedLaw)), None)
+    stacked = next((term for term in terms if isinstance(term, PiecewiseLaw) and term.apart), None)
     if stacked is not None:
         made = by_parts(
             stacked, lambda part, index: plus(*(part if term is stacked else taken(term, index) for term in terms))
@@ -121,7 +118,7 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
 
 
 def _terms(law: Superpotential) -> tuple[Superpotential, ...]:
-    return law.made_of if isinstance(law, LawGraph) and law.plain else (law,)
+    return tuple(term.law for term in law.terms) if isinstance(law, PiecewiseLaw) and law.plain else (law,)
 
 
 def _idle(law: PiecewiseQuadratic) -> bool:

@@ -12,9 +12,10 @@ from hemivar.errors import ProblemError
 from hemivar.laws.normal import Compliance
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.piecewise_law import pick
 from hemivar.laws.superpotential import Superpotential, row
 from hemivar.laws.transformed.law_graph import Region, between
-from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, lines, merged, numbers, pick, table_of
+from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, lines, merged, numbers, table_of
 
 __all__ = ["AveragedLaw", "averaged"]
 

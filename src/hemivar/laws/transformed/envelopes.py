@@ -13,16 +13,16 @@ from hemivar.errors import ProblemError
 from hemivar.laws.minimisers import MANY, piece_bounds
 from hemivar.laws.parameters import common_rows
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.piecewise_law import pick
 from hemivar.laws.superpotential import Interval, Superpotential, row
 from hemivar.laws.transformed.transformed_law import (
     LawOfOne,
     by_parts,
     check_law,
-    falls_between,
     numbers,
-    pick,
     table_of,
 )
+from hemivar.laws.turns import falls_between
 
 __all__ = ["EnvelopeLaw", "envelope"]
 

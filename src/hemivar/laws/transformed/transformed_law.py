@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.minimisers import FAR, MANY
+from hemivar.laws.minimisers import MANY
 from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.piecewise_law import PiecewiseLaw, pick, stacked
 from hemivar.laws.proof import Constant, Proof, of_alpha
-from hemivar.laws.rescaled import RescaledLaw
-from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
@@ -27,17 +24,11 @@ __all__ = [
     "as_examined",
     "by_parts",
     "check_law",
-    "count_knots",
-    "falls_between",
     "lines",
     "merged",
     "numbers",
-    "pick",
     "table_of",
 ]
-
-#: The kind of number that columns hold.
-Entry = TypeVar("Entry", bound=np.generic)
 
 
 class LawOfOne(Superpotential):
@@ -95,32 +86,9 @@ def by_parts(
     law: Superpotential, make: Callable[[Superpotential, np.ndarray], Superpotential]
 ) -> Superpotential | None:
     """What ``make(part, index)`` makes of every part of a stacked law, stacked again; None if it is not stacked."""
-    if not isinstance(law, StackedLaw):
+    if not isinstance(law, PiecewiseLaw) or not law.apart:
         return None
-    made = tuple(make(part, index) for part, index in zip(law.parts, law.indices, strict=True))
-    return StackedLaw(made, law.indices, name=law.name)
-
-
-def falls_between(law: Superpotential, piece: IntArray, low: Array, high: Array) -> Array:
-    """A bound of -j'' on part of each piece, from its ends: j'' is monotone there; -inf where the part is empty.
-
-    At an infinite end towards which j'' falls, the weak convexity of the law bounds it.
-    """
-    near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
-    if law.straight:
-        return np.where(low < high, -law.piece_curvature(piece, near), -np.inf)
-    other = np.where(np.isfinite(low) & np.isfinite(high), high, near)
-    with np.errstate(all="ignore"):
-        ends = [-law.piece_curvature(piece, np.broadcast_to(end, piece.shape)) for end in (near, other)]
-        bound = np.maximum(*ends)
-        for endless, sign in ((~np.isfinite(low), -1.0), (~np.isfinite(high), 1.0)):
-            if not (endless & (low < high)).any():
-                continue
-            far = -law.piece_curvature(piece, near + sign * FAR * np.maximum(np.abs(near), 1.0))
-            bound = np.where(endless, np.maximum(bound, far), bound)
-            steeper = ~(far <= ends[0] + 1e-9 * (np.abs(far) + np.abs(ends[0])))
-            bound = np.where(endless & steeper, law.weak_convexity, bound)
-    return np.where(low < high, bound, -np.inf)
+    return stacked([(make(part, index), index) for part, index in law.parts], law.name)
 
 
 def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
@@ -129,22 +97,12 @@ def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
         return law
     if isinstance(law, NamedLaw) and type(law).__module__.startswith("hemivar."):
         return law.table
-    if isinstance(law, RescaledLaw) and not law.moved and (base := table_of(law.base)) is not None:
-        if base.knots.shape[-1] > MANY and law.factor.size > 1:
-            return None
-        table = base.scaled(law.factor)
-        return table if isinstance(table, PiecewiseQuadratic) else None
-    return None
-
-
-def pick(columns: NDArray[Entry], index: IntArray) -> NDArray[Entry]:
-    """``columns (m or 1, K)`` at one index for each place (n,), or at several for each row (m, n)."""
-    if len(columns) == 1:
-        return cast("NDArray[Entry]", columns[0].take(index))
-    rows = np.arange(len(columns))
-    if index.ndim == 2:
-        return columns[rows[:, None], index]
-    return columns[rows, index]  # of one index for each row, or for all
+    term = law.single if isinstance(law, PiecewiseLaw) else None
+    base = None if term is None or term.moves else table_of(term.law)
+    if term is None or base is None or (base.knots.shape[-1] > MANY and len(term.weight) > 1):
+        return None
+    table = base.scaled(term.weight[:, 0])
+    return table if isinstance(table, PiecewiseQuadratic) else None
 
 
 def lines(table: PiecewiseQuadratic, piece: IntArray, r: Array) -> tuple[Array, Array]:
@@ -162,19 +120,6 @@ def merged(candidates: Array) -> Array:
     used: BoolArray = np.asarray(np.isfinite(knots).any(axis=0))
     used[0] = True
     return knots[:, used]
-
-
-def count_knots(knots: Array, places: Array, *, including: bool) -> IntArray:
-    """How many knots (m or 1, K) lie below each place (m, n); with ``including``, or at it."""
-    if knots.shape[0] == 1:
-        passed = np.searchsorted(knots[0], places, side="right" if including else "left")
-        return np.asarray(passed, dtype=np.int64)
-    rows = np.broadcast_shapes(knots.shape[:1], places.shape[:1])
-    count = np.zeros((*rows, places.shape[-1]), dtype=np.int64)
-    for k in range(knots.shape[-1]):
-        column = knots[:, k : k + 1]
-        count += (column <= places) if including else (column < places)
-    return count
 
 
 def as_examined(law: Superpotential) -> Superpotential:

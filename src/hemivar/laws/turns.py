@@ -12,16 +12,37 @@ from collections.abc import Sequence
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.minimisers import golden_section
+from hemivar.laws.minimisers import FAR, golden_section
 from hemivar.laws.superpotential import Interval, Superpotential, taken
-from hemivar.laws.transformed.transformed_law import falls_between
 
-__all__ = ["steepest_fall", "turns"]
+__all__ = ["falls_between", "steepest_fall", "turns"]
 
 #: Places on a piece at which a turn is sought: with half of them bounds of alpha were off by 1.9 and by 6.8 per cent.
 _PLACES = 240
 #: How closely a bound of the steepest fall is to be met, as docs/laws.md says: one per cent.
 _CLOSE = 1e-2
+
+
+def falls_between(law: Superpotential, piece: IntArray, low: Array, high: Array) -> Array:
+    """A bound of -j'' on part of each piece, from its ends: j'' is monotone there; -inf where the part is empty.
+
+    At an infinite end towards which j'' falls, the weak convexity of the law bounds it.
+    """
+    near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
+    if law.straight:
+        return np.where(low < high, -law.piece_curvature(piece, near), -np.inf)
+    other = np.where(np.isfinite(low) & np.isfinite(high), high, near)
+    with np.errstate(all="ignore"):
+        ends = [-law.piece_curvature(piece, np.broadcast_to(end, piece.shape)) for end in (near, other)]
+        bound = np.maximum(*ends)
+        for endless, sign in ((~np.isfinite(low), -1.0), (~np.isfinite(high), 1.0)):
+            if not (endless & (low < high)).any():
+                continue
+            far = -law.piece_curvature(piece, near + sign * FAR * np.maximum(np.abs(near), 1.0))
+            bound = np.where(endless, np.maximum(bound, far), bound)
+            steeper = ~(far <= ends[0] + 1e-9 * (np.abs(far) + np.abs(ends[0])))
+            bound = np.where(endless & steeper, law.weak_convexity, bound)
+    return np.where(low < high, bound, -np.inf)
 
 
 def _curvature(terms: Sequence[Superpotential], pieces: Sequence[IntArray], r: Array) -> Array:
