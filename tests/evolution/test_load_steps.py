@@ -37,7 +37,7 @@ def ends(problem: hv.ContactProblem, **options: Any) -> Array:
     """How far the pulled end is after each step."""
     history = hv.march(hv.Evolution(problem), **options)
     assert history.finished
-    assert len(history.rows) == len(history.frames)
+    assert len(history.steps) == len(history.frames)
     far = int(np.argmax(problem.mesh.points[:, 0]))
     return np.array([frame.displacement[far, 0] for frame in history.frames])
 
@@ -106,7 +106,7 @@ def test_plates_that_are_clamped_first_do_not_slip_everywhere_when_they_are_pull
     assert slipping(pulled.local, pulled.multiplier).sum() <= 0.65 * count
     at_once = hv.solve(problem.at_time(2.0))
     assert (at_once.states.codes == 2).sum() >= count - 1
-    row = history.rows[-1].values
+    row = history.steps[-1].values
     assert row["normal_force"] == pytest.approx(80.0, rel=1e-8)
     weights = history.discrete.problem.contact.weights
     assert np.linalg.norm(weights @ pulled.multiplier[:, 1:]) == pytest.approx(0.043 * 80.0, rel=1e-8)
@@ -119,9 +119,9 @@ def test_the_row_of_the_first_step_says_how_it_was_solved() -> None:
     history = hv.march(hv.Evolution(sheet(20)))
     alone = hv.solve(sheet(20).at_time(1.0))
     assert np.abs(history.frames[0].displacement - alone.displacement).max() <= 1e-9 * np.abs(alone.displacement).max()
-    assert history.rows[0].residual > 0.0
-    assert history.rows[0].solver_steps > 0
-    assert history.rows[0].margin > 0.0
+    assert history.steps[0].residual > 0.0
+    assert history.steps[0].solver_steps > 0
+    assert history.steps[0].margin > 0.0
     assert len(history.taken) == 3
     assert history.to_dict()["steps"] == 3
 
@@ -157,7 +157,7 @@ def test_steps_may_begin_with_an_interference_fit() -> None:
     )  # fmt: skip
     history = hv.march(hv.Evolution(problem))
     assert history["normal_force"] == pytest.approx([0.1, 0.05], rel=1e-9)
-    assert np.isfinite([row.values["elastic"] for row in history.rows]).all()
+    assert np.isfinite([row.values["elastic"] for row in history.steps]).all()
 
 
 def test_a_problem_with_steps_is_pickled_and_put_on_another_mesh() -> None:
