@@ -31,6 +31,7 @@ from .evolution import march as march
 from .fem import discretize as discretize
 from .files import read_problem as read_problem
 from .files import write_problem as write_problem
+from .identification import sensitivity as sensitivity
 from .laws import Adhesive as Adhesive
 from .laws import Compliance as Compliance
 from .laws import Coulomb as Coulomb

@@ -16,7 +16,7 @@ from hemivar.report.path_diagrams import path_record
 GLUE = hv.laws.Adhesive(20.0, 0.2, softening=10.0, compression=50.0)
 
 
-def strip(pulled: bool, loaded: bool) -> hv.ContactProblem:
+def glued_strip(pulled: bool, loaded: bool) -> hv.ContactProblem:
     """A strip on glue, clamped on the left, drawn up at the right or by a traction."""
     return hv.ContactProblem(
         hv.rectangle((4.0, 1.0), (8, 2)),
@@ -36,7 +36,7 @@ def pushed(path: Path) -> np.ndarray:
 
 @pytest.mark.parametrize(("pulled", "loaded"), [(True, False), (False, True), (True, True)])
 def test_supports_loads_and_contact_are_in_balance_at_every_point(pulled: bool, loaded: bool) -> None:
-    problem = strip(pulled, loaded)
+    problem = glued_strip(pulled, loaded)
     path = follow_path(problem)
     reactions = {name: path.reactions(name) for name in problem.supports}
     load = np.outer(path.load_factor, [0.0, 0.4 if loaded else 0.0])
@@ -49,13 +49,13 @@ def test_supports_loads_and_contact_are_in_balance_at_every_point(pulled: bool, 
 
 
 def test_constant_loads_are_counted_whole_at_every_point() -> None:
-    path = follow_path(strip(True, True), constant=["top"])
+    path = follow_path(glued_strip(True, True), constant=["top"])
     total = path.reactions("left") + path.reactions("right")
     np.testing.assert_allclose(total + pushed(path), np.outer(np.ones(len(path)), [0.0, -0.4]), atol=1e-12)
 
 
 def test_the_record_has_the_force_of_a_support_as_its_quantity() -> None:
-    path = follow_path(strip(True, False))
+    path = follow_path(glued_strip(True, False))
     values = [row["value"] for row in path_record(path, "support.right.force.y")["points"]]  # type: ignore[attr-defined]
     np.testing.assert_array_equal(values, path.reactions("right")[:, 1])
     sizes = [row["value"] for row in path_record(path, "support.right.force")["points"]]  # type: ignore[attr-defined]
@@ -64,15 +64,15 @@ def test_the_record_has_the_force_of_a_support_as_its_quantity() -> None:
 
 def test_an_unknown_support_is_refused() -> None:
     with pytest.raises(ProblemError, match="no support 'rigth'"):
-        follow_path(strip(True, False)).reactions("rigth")
+        follow_path(glued_strip(True, False)).reactions("rigth")
 
 
 def test_the_command_prints_the_peak(tmp_path: FilePath, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "strip.toml"
-    hv.write_problem(strip(True, False), file)
+    hv.write_problem(glued_strip(True, False), file)
     assert main(["path", str(file), "--quantity", "support.right.force"]) == 0
     printed = capsys.readouterr().out
-    force = np.linalg.norm(follow_path(strip(True, False)).reactions("right"), axis=1)
+    force = np.linalg.norm(follow_path(glued_strip(True, False)).reactions("right"), axis=1)
     line = next(line for line in printed.splitlines() if line.startswith("peak"))
     assert f"support.right.force {force.max():.6g} at load factor" in line
     assert main(["path", str(file), "--quantity", "support.rigth.force"]) == 2

@@ -26,7 +26,7 @@ def table_after(page: str, heading: str) -> list[list[str]]:
     return [[html.unescape(cell) for cell in re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row)] for row in rows]
 
 
-def bracket(**more: object) -> hv.ContactProblem:
+def loaded_bracket(**more: object) -> hv.ContactProblem:
     given = {
         "mesh": hv.rectangle((4.0, 2.0), (8, 4)),
         "material": hv.Material.young(210e3, 0.3),
@@ -41,7 +41,7 @@ def bracket(**more: object) -> hv.ContactProblem:
 
 
 def test_a_page_tells_the_statement_the_answer_and_forces_in_balance(tmp_path: Path) -> None:
-    solution = hv.solve(bracket())
+    solution = hv.solve(loaded_bracket())
     units = Units(length="mm", stress="MPa", force="N")
     page = write_page(solution, tmp_path / "joint.html", solution.certify(), units=units).read_text()
     assert "<h1>bracket &lt;1 &amp; 2&gt;</h1>" in page
@@ -64,26 +64,26 @@ def test_a_page_tells_the_statement_the_answer_and_forces_in_balance(tmp_path: P
 
 
 def test_a_force_that_is_missing_shows_in_the_sum(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    solution = hv.solve(bracket())
+    solution = hv.solve(loaded_bracket())
     monkeypatch.setitem(vars(solution), "reactions", {"left": np.zeros(2)})
     rows = table_after(write_page(solution, tmp_path / "a.html").read_text(), "Forces on the body")
     assert [float(cell) for cell in rows[-1][2:]] != [0.0, 0.0]
 
 
 def test_functions_are_told_as_such(tmp_path: Path) -> None:
-    problem = bracket(tractions={"top": lambda x: np.column_stack([0.0 * x[:, 0], -x[:, 0]])})
+    problem = loaded_bracket(tractions={"top": lambda x: np.column_stack([0.0 * x[:, 0], -x[:, 0]])})
     page = write_page(hv.solve(problem), tmp_path / "a.html").read_text()
     assert dict(row for row in table_after(page, "Statement") if len(row) == 2)["load: top"] == "varies"
 
 
 def test_the_command_writes_it_with_a_finer_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    hv.write_problem(bracket(), "a.toml")
+    hv.write_problem(loaded_bracket(), "a.toml")
     assert main(["solve", "a.toml", "-q", "--report", "a.html", "--check-mesh"]) == 0
     page = Path("a.html").read_text()
     head, coarse, fine = table_after(page, "On finer meshes")
     numbers = dict(zip(head, zip(coarse, fine, strict=True), strict=True))
-    study = hv.study(bracket(), 1)
+    study = hv.study(loaded_bracket(), 1)
     expected = [one.solution.pressure.max() for one in study.levels]
     np.testing.assert_allclose([float(cell) for cell in numbers["max-pressure"]], expected, rtol=1e-3)
     assert [int(cell) for cell in numbers["unknowns"]] == [one.solution.problem.unknowns for one in study.levels]
@@ -97,7 +97,7 @@ def test_problems_of_one_component_have_a_page(name: str, tmp_path: Path) -> Non
 
 
 def test_what_cannot_be_a_page_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    solution = hv.solve(bracket())
+    solution = hv.solve(loaded_bracket())
     with pytest.raises(ProblemError, match=r"ends in \.html"):
         write_page(solution, tmp_path / "a.txt")
     one = sp.csr_array(np.eye(1))

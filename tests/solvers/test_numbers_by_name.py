@@ -10,8 +10,8 @@ from hemivar.errors import ProblemError
 from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
 
 
-def pressed(load: float = -1.0) -> hv.ContactProblem:
-    """A block on springs with friction, pressed down and held at its left side."""
+def pressed_block(load: float = -1.0) -> hv.ContactProblem:
+    """A block on springs with friction, pressed_block down and held at its left side."""
     return hv.ContactProblem(
         hv.rectangle((2.0, 1.0), (4, 2)),
         hv.Material.young(100.0, 0.3),
@@ -22,7 +22,7 @@ def pressed(load: float = -1.0) -> hv.ContactProblem:
 
 
 def test_each_number_is_that_of_the_solution() -> None:
-    problem = pressed()
+    problem = pressed_block()
     solution = hv.solve(problem)
     expected = {
         "max-pressure": solution.pressure.max(),
@@ -63,4 +63,4 @@ def test_a_load_that_is_not_carried_says_how_much_of_it_was() -> None:
 )
 def test_names_that_are_not_known_are_refused(name: str) -> None:
     with pytest.raises(ProblemError, match="is not known"):
-        check_quantity(name, pressed())
+        check_quantity(name, pressed_block())

@@ -21,8 +21,8 @@ from hemivar.basics.rows import Column, ResultRows, plain
 from hemivar.basics.types import Array, Record
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.identification.experiment import Experiment
+from hemivar.identification.law_derivative import derivative_by_law
 from hemivar.identification.measurements import Measurements
-from hemivar.identification.sensitivity import derivative_by_law
 from hemivar.laws import VectorLaw
 from hemivar.solvers import Solution, Status
 

@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.identification.experiment import Experiment
-from hemivar.identification.sensitivity import derivative_by_law
+from hemivar.identification.law_derivative import derivative_by_law
 from hemivar.laws import ContactLaw, VectorLaw
 
 from .experiments import CASES, Case
