@@ -236,11 +236,13 @@ def load_vector(
     return integrated_load(mesh, order, components, density(body_force, names[0]), stated, body)
 
 
-def stated_load(problem: ContactProblem) -> Array:
-    """The load vector of a statement, shape (nodes * c,)."""
+def stated_load(problem: ContactProblem, initial: Array | None = None) -> Array:
+    """The load vector of a statement, shape (nodes * c,); ``initial`` is its part of initial stress, if it is known."""
     loads, names = (problem.body_force, problem.tractions), problem.load_names
     load = load_vector(problem.mesh, problem.order, *loads, problem.components, names, problem.kinematics)
-    return load + initial_load(problem) if problem.initially_stressed else load
+    if not problem.initially_stressed:
+        return load
+    return load + (initial_load(problem) if initial is None else initial)
 
 
 def integrated_load(
