@@ -310,11 +310,13 @@ def _integrals(
 
     Shapes: ``table`` (q, L), the shape functions times the weights of the rule.
     """
-    means, step = [], max(PORTION // len(table), 1)
+    means, step = [], max(PORTION // (points.shape[1] * len(table)), 1)
     for start in range(0, len(simplices), step):
         part = slice(start, start + step)
         # One coordinate after the other in memory, as functions take them.
-        places = np.stack([x[simplices[part]] @ barycentric.T for x in points.T]).reshape(points.shape[1], -1)
-        force = density(places.T, np.repeat(number[part], len(table))).T
+        places = np.empty((points.shape[1], len(number[part]), len(table)))
+        for x, own in zip(points.T, places, strict=True):
+            np.matmul(x[simplices[part]], barycentric.T, out=own)
+        force = density(places.reshape(len(places), -1).T, np.repeat(number[part], len(table))).T
         means.append(force.reshape(len(force), -1, len(table)) @ table)
     return np.concatenate(means, axis=1)
