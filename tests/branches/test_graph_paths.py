@@ -279,3 +279,20 @@ def test_a_step_asks_no_more_of_a_curved_law_than_it_must(monkeypatch: pytest.Mo
     path = follow_path(problem, (0.0, 2.0), largest_step=2e-3)
     assert int(path.curved.sum()) >= 30
     assert len(calls) <= 9 * len(path)
+
+
+def test_points_that_stick_have_a_diagonal_column_and_the_rest_is_the_difference_of_forces() -> None:
+    """Half of the points of the survey's cube stick."""
+    problem = hv.discretize(hv.gallery.survey_cube("5.1", 2))
+    chart = chart_of(condense(problem), *np.zeros((2, *condense(problem).shape)))
+    theta = chart.length * np.where(np.arange(chart.size // 3)[:, None] % 2, 1e-3, [0.3, 40.0, 30.0]).ravel()
+    force, step = chart.load_of(chart.system), 1e-6 * chart.length
+    _, J = chart.balance(theta, chart.here, force)
+    shifts = step * np.eye(chart.size)
+    forth, back = (
+        np.array([chart.out_of_balance(theta + sign * s, chart.here, force) for s in shifts]) for sign in (1.0, -1.0)
+    )
+    np.testing.assert_allclose(J, (forth - back).T / (2.0 * step), atol=1e-7 * np.abs(J).max())
+    still = ~chart.moving(theta, chart.here)
+    assert 0 < still.sum() < still.size
+    np.testing.assert_array_equal(J[:, still], np.diag(np.diagonal(J))[:, still])

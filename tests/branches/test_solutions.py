@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from hemivar.basics.types import Array
-from hemivar.branches import find_solutions
+from hemivar.branches import find_solutions, search
 from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import ProblemError
-from hemivar.laws import Bilateral, ContactLaw, PiecewiseQuadratic, SlipWeakening
-from hemivar.mechanics import Quadrature
-from hemivar.solvers import Status, solve
+from hemivar.fem import discretize
+from hemivar.laws import Bilateral, ContactLaw, Coulomb, PiecewiseQuadratic, SlipWeakening, Softening
+from hemivar.mechanics import Contact, ContactProblem, Material, Quadrature
+from hemivar.mesh import rectangle
+from hemivar.solvers import Solution, Status, solve
 from hemivar.systems import condense
 from hemivar.systems.chain import chain_of
 from tests.samples import sampled, slow
@@ -272,3 +276,24 @@ def test_a_jump_met_at_its_end_is_stationary_to_one_side_only() -> None:
     at_end = [s for s in found if abs(s.penetration[0] - 0.15) < 1e-12]
     assert [s.kind for s in at_end] == [PointKind.CLARKE_STATIONARY]
     assert at_end[0] not in found.minima
+
+
+def test_a_load_that_is_not_carried_from_rest_grows_from_there_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weight near what the foundation can bear, which friction tilts; other starts are from points."""
+    statement = ContactProblem(
+        mesh=rectangle((1.0, 1.0), 3),
+        material=Material.lame(4.0, 4.0),
+        contact={"bottom": Contact(Softening(60.0, 0.02, 16.0), Coulomb(0.3))},
+        body_force=(0.25, -1.0),
+    )
+    from_rest = []
+
+    def counted(*args: Any, initial: Any, **options: Any) -> Solution:
+        from_rest.append(initial is None)
+        return solve(*args, initial=initial, **options)
+
+    monkeypatch.setattr(search, "solve", counted)
+    solutions = find_solutions(discretize(statement), starts=0)
+    assert len(solutions) == 0
+    assert sum(from_rest) == 1
+    assert "the load is not carried" in solutions.searched

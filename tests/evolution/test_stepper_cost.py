@@ -19,7 +19,7 @@ from hemivar.basics.types import Array
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.evolution import Evolution, descent, march, stage_solver
+from hemivar.evolution import Evolution, descent, discrete, march, stage_solver
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_state
 from hemivar.evolution.march import March, marching
@@ -29,6 +29,8 @@ from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.stage import _forces as forces
 from hemivar.evolution.stage import extrapolated_multiplier, out_of_balance_force, stage_state
 from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.fem import assembly
+from hemivar.fem.initial_load import initial_load
 from hemivar.linear import factorisation
 from hemivar.solvers.newton_on_graph import ForceResidual, NewtonCache, active_set_newton
 from hemivar.systems import elimination
@@ -431,3 +433,24 @@ def test_the_way_down_of_a_law_without_a_potential_is_short(name: str, monkeypat
     size = np.abs(slow.at(0.3).local).max()
     np.testing.assert_allclose(quick.at(0.3).local, slow.at(0.3).local, atol=1e-7 * size)
     assert solves[name] > (5 - dim) * few
+
+
+@pytest.mark.parametrize("growing", [False, True])
+def test_initial_stress_that_stays_is_integrated_once(growing: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The load of each time is that of the statement bound to it, beside a weight that changes."""
+    stress = np.diag([3.0, -1.0])
+    problem = hv.ContactProblem(
+        hv.rectangle((2.0, 1.0), (4, 2)),
+        hv.Material.lame(4.0, 4.0),
+        supports={"top": "clamped"},
+        body_force=lambda x, t: np.stack([t * x[:, 0], -1.0 - x[:, 1]], axis=1),
+        initial_stress=(lambda x, t: np.tile((1.0 + t) * stress, (len(x), 1, 1))) if growing else stress,
+    )
+    body, times = discretize_evolution(Evolution(problem)), (0.0, 0.5, 2.0)
+    own = [hv.discretize(problem.at_time(t)).load for t in times]
+    integrated = []
+    for module in (assembly, discrete):
+        monkeypatch.setattr(module, "initial_load", lambda stated: integrated.append(1) or initial_load(stated))
+    for t, load in zip(times, own, strict=True):
+        np.testing.assert_array_equal(body.data_at(t).load[: body.unknowns], load)
+    assert len(integrated) == (len(times) if growing else 1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
+import scipy.linalg as la
 from scipy.optimize import brentq
 
 from hemivar.basics.arrays import COUNTS
@@ -273,20 +274,14 @@ class Follower:
         n = self.chain.size
         chain, force, rate = self.body_at(theta, t)
         _, J = chain.balance(theta, segment, force)
-        scale = np.abs(J).max() or 1.0
-        matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n] = J / scale
-        matrix[:n, n] = -rate / scale / self.load_unit
-        matrix[n] = border
-        rhs = np.zeros(n + 1)
-        rhs[n] = 1.0
+        bordered = _Bordered.of(J, chain.moving(theta, segment), -rate / self.load_unit, border)
         try:
-            v = np.linalg.solve(matrix, rhs)
-            good = np.isfinite(v).all() and np.abs(matrix @ v - rhs).max() < 1e-6
+            v, off = bordered.solve(np.zeros(n), 1.0)
+            good = off < 1e-6
         except np.linalg.LinAlgError:
             good = False
         if not good:
-            _, values, rows = np.linalg.svd(matrix[:n])
+            _, values, rows = np.linalg.svd(np.hstack([J, -rate[:, None] / self.load_unit]))
             if n > 0 and values[-1] <= 1e-12 * values[0]:
                 return None
             v = rows[-1] * (1.0 if rows[-1] @ border >= 0.0 else -1.0)
@@ -296,7 +291,7 @@ class Follower:
         v[:-1][moved < 1e-12 * moved.max(initial=0.0)] = 0.0
         # A load that changes by less than the rounding of the forces does not change: the body moves freely. At however
         # few points the load acts, it takes up the rounding of all forces together.
-        if np.abs(rate * v[-1]).sum() < ROUNDING * (np.abs(J) @ moved).sum():
+        if np.abs(rate * v[-1]).sum() < ROUNDING * bordered.work(moved):
             v[-1] = 0.0
         return np.asarray(v)
 
@@ -464,34 +459,31 @@ class Follower:
         self, theta: Array, t: float, border: Array, segment: AnyArray, steps: int
     ) -> tuple[Array, float, int] | None:
         """Newton's method on the plane through a point that is normal to ``border``; and the number of its steps."""
-        last = np.inf
+        last, bordered = np.inf, None
         for step in range(1, steps + 1):
             with np.errstate(over="ignore", invalid="ignore"):  # far beyond the ends of a segment, where it is lost
                 chain, force, rate = self.body_at(theta, t)
-                F, J = chain.balance(theta, segment, force)
-            change = self.bordered(F, J, rate, border)
-            if change is None or not np.isfinite(change).all():
+                if bordered is None:
+                    F, J = chain.balance(theta, segment, force)
+                    bordered = _Bordered.of(J, chain.moving(theta, segment), -rate / self.load_unit, border)
+                    again = bordered
+                else:
+                    F, again = chain.out_of_balance(theta, segment, force), None
+            try:
+                change, _ = bordered.solve(-F, 0.0)
+            except np.linalg.LinAlgError:
                 return None
-            exact = chain.rounds(F, theta, segment, force)
-            theta, t = theta + change[:-1], float(t + change[-1] / self.load_unit)
+            if not np.isfinite(change).all():
+                return None
+            before, theta, t = theta, theta + change[:-1], float(t + change[-1] / self.load_unit)
             size = float(np.abs(change).max()) / max(self.chain.length, float(np.abs(theta).max()))
             # Corrections that no longer shrink are the rounding of the law.
-            if size <= (COUNTS if exact else 1e-14) or (size <= 1e-9 and size >= 0.5 * last):
+            if size <= 1e-14 or (size <= 1e-9 and size >= 0.5 * last):
                 return theta, t, step
-            last = size
+            if size <= COUNTS and chain.rounds(F, before, segment, force):
+                return theta, t, step
+            last, bordered = size, again if size <= _SAME else None  # one stiffness is good for one more small step
         return None
-
-    def bordered(self, F: Array, J: Array, rate: Array, border: Array) -> Array | None:
-        """Newton's step in (theta, t load_unit), normal to ``border``."""
-        n = self.chain.size
-        matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n] = J
-        matrix[:n, n] = -rate / self.load_unit
-        matrix[n] = border * np.abs(J).max()
-        try:
-            return np.asarray(np.linalg.solve(matrix, np.append(-F, 0.0)))
-        except np.linalg.LinAlgError:
-            return None
 
     def whole(self, step: _Step) -> list[_Cut]:
         """A straight step: the Hessian is the same all along."""
@@ -561,10 +553,58 @@ class Follower:
 
 
 @dataclass(frozen=True, eq=False)
+class _Bordered:
+    """The rows ``[J, column] x`` of a path and a border, factored: columns of J that are diagonal are eliminated."""
+
+    moving: BoolArray  # (n,): which columns are not
+    diagonal: Array  # (n - k,): of the others
+    follow: Array  # (k + 1, n): the columns of all x that are solved for
+    through: Array  # (n - k,): what the border asks of each row that is eliminated
+    scale: float
+    matrix: Array  # (k + 1, k + 1)
+
+    @staticmethod
+    def of(J: Array, moving: BoolArray, column: Array, border: Array) -> _Bordered:
+        follow, diagonal = np.vstack([J.T[moving], column]), np.diagonal(J)[~moving]
+        scale = (
+            max(-follow[:-1].min(initial=0.0), follow[:-1].max(initial=0.0), np.abs(diagonal).max(initial=0.0)) or 1.0
+        )
+        through = border[:-1][~moving] / diagonal
+        transposed = np.empty((len(follow), len(follow)))
+        np.divide(follow[:, moving], scale, out=transposed[:, :-1])
+        transposed[:, -1] = np.append(border[:-1][moving], border[-1]) - follow[:, ~moving] @ through
+        return _Bordered(moving, diagonal, follow, through, scale, transposed.T)
+
+    @cached_property
+    def _factors(self) -> tuple[Array, Array]:
+        factor, pivots, failed = la.lapack.dgetrf(self.matrix)
+        if failed:
+            raise np.linalg.LinAlgError
+        return factor, pivots
+
+    def solve(self, rhs: Array, goal: float) -> tuple[Array, float]:
+        """x (n + 1,) at which the rows are ``rhs`` and the border times x is a goal; and how much of 1 that misses."""
+        own, others = self.moving, ~self.moving
+        right = np.append(rhs[own] / self.scale, goal - self.through @ rhs[others])
+        inner = la.lapack.dgetrs(*self._factors, right)[0]
+        x = np.empty(own.size + 1)
+        x[:-1][own], x[-1] = inner[:-1], inner[-1]
+        x[:-1][others] = (rhs[others] - inner @ self.follow[:, others]) / self.diagonal
+        off = float(np.abs(self.matrix @ inner - right).max()) if np.isfinite(x).all() else np.inf
+        return x, off
+
+    def work(self, moved: Array) -> float:
+        """The sum of the sizes of all forces of a motion (n,)."""
+        columns = np.abs(self.follow[:-1]).sum(axis=1)
+        return float(columns @ moved[self.moving] + np.abs(self.diagonal) @ moved[~self.moving])
+
+
+@dataclass(frozen=True, eq=False)
 class FollowedPoint:
     """The end of a step: the segments on which the path goes on, and the direction in which it does.
 
-    ``event`` says what fixes the point, if not the length of the step; ``easy`` that the step may grow.
+    ``event`` says what fixes the point, if not the length of the step; ``easy`` that the step may grow.  ``rate`` is
+    that of the load, as a length, with which the path comes to an event; zero where it is not known.
     """
 
     theta: Array
@@ -574,6 +614,7 @@ class FollowedPoint:
     event: PathEvent | None = None
     length: float = np.inf
     easy: bool = True
+    rate: float = 0.0
 
     @property
     def on_track(self) -> TrackPoint:
@@ -634,10 +675,10 @@ class _Step:
 
     @cached_property
     def rates(self) -> tuple[float, float]:
-        """The rate of the load at both ends: where they lie within pieces their tangents are known."""
-        first, last = self.ends
-        begin = float(self.v[-1]) if self.smooth else self.follower.rising(*first, self.border)
-        return begin, float(self.new.border[-1]) if self.new.event is None else self.follower.rising(*last, self.border)
+        """The rate of the load at both ends: of their tangents; a little within where that is zero or not known."""
+        (first, last), rising = self.ends, self.follower.rising
+        end = (self.new.border[-1] if self.new.event is None else self.new.rate) / self.follower.load_unit
+        return float(self.v[-1]) or rising(*first, self.border), float(end) or rising(*last, self.border)
 
     def at(self, length: float) -> tuple[Array, float] | None:
         """The point of the path at a distance along the tangent; it is sought near the chord, for the path may turn."""

@@ -232,22 +232,25 @@ class GraphChart(Curves):
     # ---- balance ----------------------------------------------------------------------------------------
 
     def balance(self, theta: Array, side: Array, force: Array) -> tuple[Array, Array]:
-        r, lam, slope = self.pairs(theta)
-        if side.any():
-            slope = self.slopes(theta, side)
-        F = self.matrix @ r.ravel() + self._weight.ravel() * lam.ravel() - force
-        return F, self._jacobian(slope)
+        return self.out_of_balance(theta, side, force), self._jacobian(self.slopes(theta, side))
+
+    def out_of_balance(self, theta: Array, side: Array, force: Array) -> Array:
+        r, lam, _ = self.pairs(theta)
+        return np.asarray(self.matrix @ r.ravel() + self._weight.ravel() * lam.ravel() - force)
 
     def _jacobian(self, slope: Array) -> Array:
         """dF/dtheta for dr/dtheta (m, c, c)."""
         m, c = self.system.shape
-        pulled = self._weight * self.stiffness
-        J = _by_blocks(self.matrix, slope)
-        own = pulled[:, :, None] * (np.eye(c) - slope)
-        blocks = J.reshape(m, c, m, c)
-        every = np.arange(m)
-        blocks[every, :, every, :] += own
-        return np.asarray(J)
+        some = np.flatnonzero(slope.any(axis=(1, 2)))  # at the others nothing but the chart is left
+        own = (self._weight * self.stiffness)[:, :, None] * (np.eye(c) - slope)
+        transposed, every = np.zeros((m, c, m, c)), np.arange(m)
+        transposed[every, :, every, :] = own.transpose(0, 2, 1)
+        rows = self.matrix.reshape(m, c, -1)[some]  # which are its columns
+        transposed.reshape(m, c, -1)[some] += np.matmul(slope[some].transpose(0, 2, 1), rows)
+        return transposed.reshape(self.size, -1).T
+
+    def moving(self, theta: Array, side: Array) -> BoolArray:
+        return np.asarray(self.slopes(theta, side).any(axis=1).ravel())
 
     def forces(self, theta: Array, side: Array, force: Array) -> Array:
         r, lam, _ = self.pairs(theta)
@@ -291,15 +294,23 @@ class GraphChart(Curves):
 
     def _hessian(self, slope: Array) -> Array:
         """Second derivative of the energy in the directions in which the contact points move."""
-        m, c = self.system.shape
+        c = self.system.shape[1]
         d, axes = self._moving(slope)
-        moving = (d * self.stiffness.max(axis=1, keepdims=True) > 1e-11).ravel()
-        whole = self.system.matrix - np.diag(self._weighed)
-        half = np.matmul(axes.transpose(0, 2, 1), whole.reshape(m, c, -1)).reshape(self.size, self.size)
+        moves = d * self.stiffness.max(axis=1, keepdims=True) > 1e-11
+        some = np.flatnonzero(moves.any(axis=1))
+        d, axes, moving = d[some], axes[some], moves[some].ravel()
+        rows = (some[:, None] * c + np.arange(c)).ravel()
+        whole = self._softened[np.ix_(rows, rows)]
+        half = np.matmul(axes.transpose(0, 2, 1), whole.reshape(some.size, c, rows.size)).reshape(whole.shape)
         H = _by_blocks(half, axes)[np.ix_(moving, moving)]
-        weights = np.repeat(self.system.weights, c)[moving]
+        weights = np.repeat(self.system.weights[some], c)[moving]
         H[np.diag_indices(len(H))] += weights / d.ravel()[moving]
         return np.asarray(H)
+
+    @cached_property
+    def _softened(self) -> Array:
+        """The matrix of the body without the stiffness of the chart."""
+        return np.asarray(self.system.matrix - np.diag(self._weighed))
 
     def falls_beside(self, theta: Array, side: Array) -> Array:
         d, axes = self._moving(self.slopes(theta, side))
@@ -488,7 +499,7 @@ def chart_of(system: CondensedProblem, r: Array, lam: Array, known: GraphChart |
 def _by_blocks(matrix: Array, blocks: Array) -> Array:
     """A matrix (k, m c) times the matrix of blocks (m, c, c)."""
     m, c = blocks.shape[:2]
-    columns = matrix.reshape(-1, m, c)
+    columns = matrix.reshape(len(matrix), m, c)
     out = np.zeros(columns.shape)
     for row, column in np.ndindex(c, c):
         out[:, :, column] += columns[:, :, row] * blocks[:, row, column]

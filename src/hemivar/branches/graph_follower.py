@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -198,7 +198,8 @@ class GraphFollower(Follower):
             return None
         if not _beside(at - start, increment[:-1], chain.length):
             return None  # it is where the path meets this corner elsewhere
-        if self.onward(theta, t, increment, at, chain.side_of(met, np.zeros(met.point.size, dtype=bool)), load) is None:
+        arriving = self.onward(theta, t, increment, at, chain.side_of(met, np.zeros(met.point.size, dtype=bool)), load)
+        if arriving is None:
             return None
         passed = at - theta
         size = float(np.abs(passed).max())
@@ -209,7 +210,8 @@ class GraphFollower(Follower):
         bound = self.high if increment[-1] > 0.0 else self.low
         if increment[-1] != 0.0 and self.not_before(1.0 + (load - bound) / float(increment[-1]), 1.0, increment[:-1]):
             return self.end_of_load(theta, side, at - theta, bound, _CURVED, t)
-        return self.beyond(at, side, load, increment, border, met)
+        ahead = self.beyond(at, side, load, increment, border, met)
+        return None if ahead is None else replace(ahead, rate=float(arriving[-1]))
 
     def beyond(
         self, theta: Array, side: Array, t: float, increment: Array, border: Array, met: Corner

@@ -99,6 +99,7 @@ class SolutionSearch:
         self.limit = limit
         self.random = random
         self.starts = self.planned = 0
+        self.carried = True
         self.solutions: list[Solution] = []
         self.points: list[tuple[Array, IntArray]] = []
         self.left_out = 0
@@ -274,7 +275,9 @@ class SolutionSearch:
                 if initial.status is not Status.CONVERGED or self._on_its_pieces(initial) is not None:
                     self.add_solution(initial)
                     return
-        self.add_solution(self._solved(solver, initial, self.controls.rtol))
+        solution = self._solved(solver, initial, self.controls.rtol)
+        self.carried = self.carried and (r is not None or solution.status is not Status.NOT_CARRIED)
+        self.add_solution(solution)
 
     def _solved(self, solver: Solver, initial: Array | Solution | None, rtol: float) -> Solution:
         controls = replace(self.controls, rtol=max(rtol, self.controls.rtol), max_time=self.budget.left)
@@ -285,9 +288,7 @@ class SolutionSearch:
 
     def plan(self, count: int) -> None:
         """Count the starts there will be, with so many at random of each kind."""
-        self.planned = (
-            self.starts + len(_SOLVERS) + len(self._penetrations_to_start()) + len(self._bonded_or_broken()) + count
-        )
+        self.planned = len(_SOLVERS) + len(self._penetrations_to_start()) + len(self._bonded_or_broken()) + count
         self.planned += 0 if self.chain is None else 2 * count
 
     def _penetrations_to_start(self) -> list[tuple[Array, float]]:
@@ -334,9 +335,10 @@ class SolutionSearch:
     def from_solvers(self, count: int) -> Iterator[None]:
         """The minimising methods, from zero, under and over the load, from every piece, and at random."""
         m, d = self.system.shape
-        for solver in _SOLVERS:
-            self.run(solver)
-            yield
+        for solver in _SOLVERS[self.starts :]:
+            if self.carried:  # else the load has grown from rest already, and so it would once more
+                self.run(solver)
+                yield
         newton, descent, _ = _SOLVERS
         for penetration, slip in self._penetrations_to_start():
             r = np.zeros((m, d))

@@ -277,6 +277,8 @@ def finding(
         doubt = problem.law.proof("alpha").doubt
         why = f"alpha is {doubt}" if "reach" in doubt else "rests on sampled constants"
         searched += f"; the margin {constants.margin:.3g} is positive, but {why}"
+    if not search.carried:
+        searched += "; as it grows from rest, the load is not carried"
     if search.full:
         searched += f"; stopped at {search.limit} solutions"
     if search.stopped:

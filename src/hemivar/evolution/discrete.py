@@ -28,6 +28,7 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.forms import FormProblem
 from hemivar.fem.hierarchy import family_of
+from hemivar.fem.initial_load import initial_load
 from hemivar.fem.quadrature import at_quadrature_points
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import ContactLaw, PiecewiseQuadratic, SlipMeasure, Superpotential, VectorLaw
@@ -302,11 +303,17 @@ class DiscreteEvolution(PickleMixin):
             prescribed, offset = prescribed - self.field.basis @ origin, offset + self.problem.contact.trace_of(origin)
         return prescribed[self.moved], offset
 
+    @cached_property
+    def _initial_load(self) -> Array | None:
+        """The load of initial stress where it is the same at all times; None where there is none, or it changes."""
+        stated = self.evolution.statement
+        return initial_load(stated) if stated.initially_stressed and not stated.initially_changing else None
+
     def data_at(self, time: float) -> ExternalData:
         """What acts at a time."""
         stated = self.evolution.statement
         bound = stated.at_time(time)
-        force = stated_load(bound)
+        force = stated_load(bound, self._initial_load)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
             return ExternalData(load, *self._as_stated, self.problem.law, dampings(bound.contact))

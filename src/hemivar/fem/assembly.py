@@ -236,11 +236,13 @@ def load_vector(
     return integrated_load(mesh, order, components, density(body_force, names[0]), stated, body)
 
 
-def stated_load(problem: ContactProblem) -> Array:
-    """The load vector of a statement, shape (nodes * c,)."""
+def stated_load(problem: ContactProblem, initial: Array | None = None) -> Array:
+    """The load vector of a statement, shape (nodes * c,); ``initial`` is its part of initial stress, if it is known."""
     loads, names = (problem.body_force, problem.tractions), problem.load_names
     load = load_vector(problem.mesh, problem.order, *loads, problem.components, names, problem.kinematics)
-    return load + initial_load(problem) if problem.initially_stressed else load
+    if not problem.initially_stressed:
+        return load
+    return load + (initial_load(problem) if initial is None else initial)
 
 
 def integrated_load(
@@ -308,11 +310,13 @@ def _integrals(
 
     Shapes: ``table`` (q, L), the shape functions times the weights of the rule.
     """
-    means, step = [], max(PORTION // len(table), 1)
+    means, step = [], max(PORTION // (points.shape[1] * len(table)), 1)
     for start in range(0, len(simplices), step):
         part = slice(start, start + step)
         # One coordinate after the other in memory, as functions take them.
-        places = np.stack([x[simplices[part]] @ barycentric.T for x in points.T]).reshape(points.shape[1], -1)
-        force = density(places.T, np.repeat(number[part], len(table))).T
+        places = np.empty((points.shape[1], len(number[part]), len(table)))
+        for x, own in zip(points.T, places, strict=True):
+            np.matmul(x[simplices[part]], barycentric.T, out=own)
+        force = density(places.reshape(len(places), -1).T, np.repeat(number[part], len(table))).T
         means.append(force.reshape(len(force), -1, len(table)) @ table)
     return np.concatenate(means, axis=1)

@@ -370,9 +370,13 @@ class ContactProblem(PickleMixin, ReprMixin):
         parts = {part for contact in self.contact.values() for part in contact.time_dependent}
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
         prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
-        initial = any(field_depends_on_time(getattr(self, name)) for name in INITIAL)
-        parts |= {"load"} if initial or any(map(depends_on_time, loads)) else set()
+        parts |= {"load"} if self.initially_changing or any(map(depends_on_time, loads)) else set()
         return frozenset(parts | ({"supports"} if any(map(depends_on_time, prescribed)) else set()))
+
+    @property
+    def initially_changing(self) -> bool:
+        """Whether initial stress or initial strain depends on time."""
+        return any(field_depends_on_time(getattr(self, name)) for name in INITIAL)
 
     def at_time(self, t: float) -> ContactProblem:
         """The problem at a time: itself if nothing depends on time.

@@ -49,6 +49,14 @@ class Curves(ABC):
         """F and dF/dtheta."""
 
     @abstractmethod
+    def out_of_balance(self, theta: Array, segment: AnyArray, force: Array) -> Array:
+        """F alone."""
+
+    def moving(self, theta: Array, segment: AnyArray) -> BoolArray:
+        """Components (n,) that move the body: the columns of dF/dtheta of all others are zero but on the diagonal."""
+        return np.ones(self.size, dtype=bool)
+
+    @abstractmethod
     def forces(self, theta: Array, segment: AnyArray, force: Array) -> Array:
         """Sum of the sizes of all forces on each component, (n,): F is their difference."""
 
