@@ -108,6 +108,7 @@ def examples() -> dict[str, list[object]]:
         hv.laws.ThresholdCompliance(0.3, Formula("1 + x")),
         hv.Signorini(),
         hv.laws.Bilateral(),
+        hv.laws.Tie(),
         hv.laws.NoContact(),
         hv.Compliance(2.0, 1.5),
         hv.Softening(1.0, 2.0, 3.0),

@@ -320,6 +320,11 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
             "admissible stresses are made of bodies held on boundaries, not at points or by springs; hold a boundary, "
             "or compare with a finer mesh"
         )
+    if problem.ties:
+        raise ProblemError(
+            "admissible stresses are made of bodies without ties; make one mesh of what is tied, or compare with a "
+            "finer mesh"
+        )
     if problem.initially_stressed:
         raise ProblemError(
             "admissible stresses are made of bodies without initial stress or strain; leave it out, or compare with a "

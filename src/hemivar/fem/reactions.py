@@ -44,12 +44,15 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     supports = stated_supports(stated)
     fixed = supports.count > 0
     mesh, order = stated.mesh, stated.order
-    cells = np.flatnonzero(fixed[mesh.cell_nodes(order)].any(axis=1))
+    near = fixed.copy()
+    if field.followers is not None:  # what follows the nodes of supports hands its forces on to them
+        near[np.unique(field.followers.rows.indices) // displacement.shape[1]] = True
+    cells = np.flatnonzero(near[mesh.cell_nodes(order)].any(axis=1))
     load = stated_load(stated).reshape(displacement.shape)
     if isinstance(problem.bulk, Potential):
         moved, size = problem.bulk.initial_forces, norm(problem.bulk.initial_sizes)
     else:
-        forces = internal_forces(stated, supports.value, cells).ravel()
+        forces = internal_forces(stated, field.prescribed.reshape(displacement.shape), cells).ravel()
         moved, size = field.basis.T @ forces, norm(forces)
     if norm(field.basis.T @ load.ravel() - moved - problem.load) > SAME * max(norm(load.ravel()), size):
         raise ProblemError(
@@ -58,6 +61,8 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     force = internal_forces(stated, displacement, cells) - load - nodal_contact_forces(problem, multiplier)
     if stated.stiffening:
         force += nodal_stiffness(stated, displacement) @ displacement
+    if field.followers is not None:
+        force = field.followers.folded(force.ravel()).reshape(force.shape)
     amounts = np.einsum("kqd,kd->kq", supports.directions, force)
     springs = {name: -one.forces(displacement).sum(axis=0) for name, one in stated_springs(stated).items()}
     held = {

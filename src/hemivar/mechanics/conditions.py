@@ -102,8 +102,17 @@ def _points(value: object, name: str) -> tuple[tuple[float, ...], ...]:
 _AT = stated(Form.POINTS) | kept(_points)
 
 
-@dataclass(frozen=True)
-class Clamped(CheckedFields):
+class _Support(CheckedFields, PickleMixin):
+    """A support, shown by what is given of it."""
+
+    def __repr__(self) -> str:
+        given = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        shown = (f"{name}={value!r}" for name, value in given.items() if value is not None)
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+@dataclass(frozen=True, repr=False)
+class Clamped(_Support):
     """No displacement: ``u = 0``.
 
     Attributes
@@ -139,8 +148,8 @@ class Roller:
 _COMPONENT = stated(Form.QUANTITY, timed=True) | kept(plain_data, 1, LARGEST, shown="Fixed({}=...)")
 
 
-@dataclass(frozen=True)
-class Fixed(CheckedFields, PickleMixin):
+@dataclass(frozen=True, repr=False)
+class Fixed(_Support):
     """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
 
     Attributes
@@ -155,7 +164,7 @@ class Fixed(CheckedFields, PickleMixin):
     --------
     >>> import hemivar as hv
     >>> hv.Fixed(y="-0.1*t")  # x is free
-    Fixed(x=None, y=Formula(text='-0.1*t', where='Fixed(y=...)', minimum=None), z=None, at=None)
+    Fixed(y=Formula(text='-0.1*t', where='Fixed(y=...)', minimum=None))
     """
 
     x: ScalarData | None = field(default=None, metadata=_COMPONENT)
@@ -169,8 +178,8 @@ class Fixed(CheckedFields, PickleMixin):
         super().__post_init__()
 
 
-@dataclass(frozen=True)
-class Prescribed(CheckedFields, PickleMixin):
+@dataclass(frozen=True, repr=False)
+class Prescribed(_Support):
     """Prescribed displacement ``u = value``.
 
     Attributes
@@ -185,7 +194,7 @@ class Prescribed(CheckedFields, PickleMixin):
     --------
     >>> import hemivar as hv
     >>> hv.Prescribed((0.0, -0.1))
-    Prescribed(value=(0.0, -0.1), at=None)
+    Prescribed(value=(0.0, -0.1))
     """
 
     value: VectorData = field(
@@ -221,8 +230,8 @@ def _direction(value: object, name: str) -> tuple[float, ...]:
 _STIFFNESS = stated(Form.QUANTITY, least=0.0) | kept(_stiffness, shown="Spring({}=...)")
 
 
-@dataclass(frozen=True)
-class Spring(CheckedFields, PickleMixin):
+@dataclass(frozen=True, repr=False)
+class Spring(_Support):
     """Linear springs between a boundary and the ground, which push and pull: ``-normal u_nu nu - tangential u_tau``.
 
     They are part of the stiffness of the body and hold it.

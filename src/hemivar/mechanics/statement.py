@@ -141,6 +141,9 @@ class ContactProblem(PickleMixin, ReprMixin):
     initial_strain : float, array, callable or mapping of region to these
         Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
         Linear materials.
+    ties : mapping of boundary name to Contact
+        The contacts with :class:`~hemivar.laws.Tie`: bodies joined for good, along which nothing touches.  State them
+        in ``contact``, from where they are put here.
 
     Raises
     ------
@@ -258,11 +261,14 @@ class ContactProblem(PickleMixin, ReprMixin):
         ),
     )  # fmt: skip
 
+    ties: Mapping[str, Contact] = field(default_factory=dict)
+
     def __post_init__(self) -> None:
         self._check_frame()
         for name in ("supports", "tractions"):
             self._check_boundaries(name)
         self._check_contacts()
+        self._put_ties_aside()
         self._check_values()
         self._check_overlaps()
 
@@ -273,6 +279,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         for name, contact in self.contact.items():
             law = contact.friction if self.kind and contact.rubs else contact.law
             parts.append(f"contact {'over' if name in self.areas else 'on'} {name}: {law.name}")
+        parts += [f"tie of {name} and {one.against}" for name, one in self.ties.items()]
         for name, support in self.supports.items():
             parts.append(f"{'held' if self.kind else type(support).__name__} on {name}")
         return f"{'Scalar' if self.kind else 'Contact'}Problem({', '.join(parts)})"
@@ -451,6 +458,29 @@ class ContactProblem(PickleMixin, ReprMixin):
                 "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
                 "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
             )
+
+    def _put_ties_aside(self) -> None:
+        """Keep ties apart from what touches."""
+        self._check_mapping("ties")
+        ties = {name: one for name, one in self.contact.items() if one.ties} | dict(self.ties)
+        rest = {name: one for name, one in self.contact.items() if not one.ties}
+        for name, one in ties.items():
+            self._check_contact(name, one)
+            if not one.ties or self.kind:
+                what = "bodies" if self.kind else f"Contact(Tie(), against=...), not {described(one)},"
+                raise ProblemError(f"ties['{name}']: a tie is of {what}; leave it out")
+        object.__setattr__(self, "contact", MappingProxyType(rest))
+        object.__setattr__(self, "ties", MappingProxyType(ties))
+
+    @property
+    def tied(self) -> ContactProblem:
+        """The same statement with its ties as contacts, and no others."""
+        problem = copy.copy(self)
+        for name, value in (("contact", self.ties), ("ties", MappingProxyType({}))):
+            object.__setattr__(problem, name, value)
+        for known in ("areas", "time_dependent", "_pairs"):
+            problem.__dict__.pop(known, None)
+        return problem
 
     def _check_contact(self, name: str, contact: object) -> None:
         on_boundary = name in self.mesh.boundaries
@@ -663,13 +693,13 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""
         on_boundaries = [name for name in self.contact if name not in self.areas]
-        used = [*{*on_boundaries, *self.held_boundaries}]
+        used = [*{*on_boundaries, *self.ties, *self.held_boundaries}]
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
             name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
         }
-        names = on_boundaries
+        names = [*on_boundaries, *self.ties]
         for i, first in enumerate(names):
             for second in names[i + 1 :]:
                 shared = int(np.isin(keys[first], keys[second]).sum())

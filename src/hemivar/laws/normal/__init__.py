@@ -8,6 +8,7 @@ from hemivar.laws.normal.monotone import (
     NoContact,
     Signorini,
     ThresholdCompliance,
+    Tie,
 )
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "Signorini",
     "Softening",
     "ThresholdCompliance",
+    "Tie",
 ]
