@@ -96,6 +96,7 @@ def examples() -> dict[str, list[object]]:
         hv.Fixed(x=0.5, y=Formula("x")),
         hv.Prescribed(vector),
         hv.mechanics.Spring(2.0, Formula("x")),
+        hv.mechanics.RigidPlate(force=(0.0, Formula("2*t")), about=(0.0, 1.0), turn_z=0.0),
         hv.Pressure(2.0),
         hv.Plane(vector, (1.0, 3.0)),
         hv.mechanics.Sphere(vector, 2.0, True),

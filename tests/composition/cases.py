@@ -273,6 +273,12 @@ def _tied_blocks(contact: hv.Contact, up: float) -> hv.ContactProblem:
     )
 
 
+def _plated(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A block under a rigid plate that turns."""
+    plate = hv.mechanics.RigidPlate(force=(0.1 * up, up), moment=0.05 * up)
+    return _plane(contact, 0.1 * up, supports={"left": hv.Clamped(), "top": plate})
+
+
 def _membrane(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """On a foundation beneath its middle."""
     mesh = hv.rectangle((1.0, 1.0), 3)
@@ -369,6 +375,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "resting": _resting,
     "sprung": _sprung,
     "tied": _tied_blocks,
+    "plated": _plated,
     "pair": _pair,
     "glued inside": _glued,
     "cracked": _cracked,

@@ -38,6 +38,7 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "resting"): "held by contact",
     ("body", "sprung"): "on springs",
     ("body", "tied"): "two bodies tied",
+    ("body", "plated"): "under a rigid plate",
     ("body", "parts"): "two parts",
     ("body", "pair"): "two bodies that touch",
     ("body", "glued inside"): "an opened interface",

@@ -25,6 +25,7 @@ from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral
 from hemivar.fem.mass import MassDensity, body_blocks, inertia, mass_blocks, per_volume
 from hemivar.fem.mortar_basis import JumpUnknowns
+from hemivar.fem.plates import stated_plates
 from hemivar.fem.supports import supported_nodes
 from hemivar.fem.unknowns import NodalConditions, matrix_of, nodal_conditions
 from hemivar.mechanics.conditions import ScalarData, Support, stated_values
@@ -131,7 +132,9 @@ def moved_components(problem: ContactProblem, conditions: NodalConditions) -> In
     at_nodes[nodes] = np.abs(conditions.supports.directions[nodes]).max(axis=1) > 0.0
     moved = at_nodes.ravel()
     if (followers := conditions.followers) is not None:
-        moved = moved | (abs(followers.move) @ (abs(followers.rows) @ moved) > 0.0)
+        plates = [plate.nodes for plate in stated_plates(problem) if plate.name in names]
+        touched = abs(followers.rows) @ moved + np.isin(followers.node, np.concatenate([nodes[:0], *plates]))
+        moved = moved | (abs(followers.move) @ touched > 0.0)
     return np.flatnonzero(moved)
 
 

@@ -1,6 +1,7 @@
 """Links: linear conditions on nodal values by which some follow others, eliminated like prescribed ones.
 
-Bodies that are tied have no jump between them, in the mean of the mortar projection around each node of the slave.
+Bodies that are tied have no jump between them, in the mean of the mortar projection around each node of the slave, and
+the nodes of a rigid plate follow few of them (:mod:`hemivar.fem.plates`).
 Conditions ``J U = b`` are turned into unknowns that vanish (:mod:`hemivar.fem.mortar_basis`), so that what they link
 follows in stiffness, mass and load, on every level.
 """
@@ -17,6 +18,7 @@ from hemivar.basics.arrays import SAME
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.contact_points import local_components, pair_projection, seen_apart
 from hemivar.fem.mortar import Mortar
+from hemivar.fem.plates import stated_plates
 from hemivar.fem.supports import Supports
 from hemivar.mechanics.statement import ContactProblem
 
@@ -42,12 +44,15 @@ def tied_nodes(problem: ContactProblem, supports: Supports) -> dict[str, Mortar]
 def stated_links(
     problem: ContactProblem, supports: Supports, ties: Mapping[str, Mortar], directions: Array, free: BoolArray
 ) -> list[Links]:
-    """The conditions of the ties of a problem.
+    """The conditions of the rigid plates and of the ties of a problem.
 
     ``directions (nodes, c, c)`` are those of the unknowns at every node, ``free (nodes, c)`` which of them are.
     """
+    plates = [
+        Links(*plate.follow(supports, directions, free), f"plate '{plate.name}'") for plate in stated_plates(problem)
+    ]
     named = {f"tie '{name}' against '{problem.ties[name].against}'": tie for name, tie in ties.items()}
-    return [_tie(name, tie, supports, directions, free) for name, tie in named.items()]
+    return [*plates, *(_tie(name, tie, supports, directions, free) for name, tie in named.items())]
 
 
 def _tie(name: str, projection: Mortar, supports: Supports, directions: Array, free: BoolArray) -> Links:

@@ -25,6 +25,7 @@ from hemivar.fem.contact_points import (
 from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.fem.links import Links, stated_links, tied_nodes
 from hemivar.fem.mortar_basis import JumpUnknowns, jump_unknowns
+from hemivar.fem.plates import stated_plates
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -101,10 +102,12 @@ class NodalConditions:
         """What follows by links; None where nothing does."""
         if not self.links:
             return None
-        rows, jumps = self._linked[0], self.jumps
+        (rows, node), jumps = self._linked, self.jumps
         assert jumps is not None
         able = np.flatnonzero(jumps.vanish >= 0)
-        return Followers(sp.csr_array(rows[able]), sp.csr_array(self._nodal @ jumps.change[:, jumps.vanish[able]]))
+        return Followers(
+            sp.csr_array(rows[able]), sp.csr_array(self._nodal @ jumps.change[:, jumps.vanish[able]]), node[able]
+        )
 
     def matrix(self, blocks: EdgeBlocks) -> sp.csr_array:
         """The symmetric matrix (n, n) of blocks along the axes, which are used up."""
@@ -160,7 +163,8 @@ def nodal_conditions(problem: ContactProblem, pairs: Mapping[str, BoundaryContac
         if problem.quadrature is Quadrature.NODAL:
             groups = merge_corners(groups, supports, problem.contact)
         groups += area_contacts(problem, supports, groups)
-    groups = without_followers(groups, [tie.nodes for tie in ties.values()])
+    joints = [tie.nodes for tie in ties.values()]
+    groups = without_followers(groups, [*joints, *(plate.nodes for plate in stated_plates(problem))])
     directions, free = _free_directions(supports, groups)
     links = stated_links(problem, supports, ties, directions, free)
     return NodalConditions(supports, groups, directions, free, links)

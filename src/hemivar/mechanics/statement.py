@@ -28,6 +28,7 @@ from hemivar.mechanics.conditions import (
     Fixed,
     Prescribed,
     Pressure,
+    RigidPlate,
     Roller,
     ScalarData,
     Spring,
@@ -106,10 +107,10 @@ class ContactProblem(PickleMixin, ReprMixin):
         By boundary, or by region for contact over an area; :data:`AREA` is the whole mesh. Over an area of a plane
         body, such as a sheet that lies on a table, friction acts on the whole displacement.
     supports : mapping of boundary name to Support
-        :class:`Clamped`, :class:`Roller`, :class:`Fixed`, :class:`Prescribed` or :class:`Spring`; ``"clamped"`` and
-        ``"roller"`` are turned into the first two.  Sets of nodes of the mesh may be named as well, and points, by any
-        name, ``hv.Clamped(at=(0.0, 0.0))``.  Of one component a number or a callable that returns shape (k,), as the
-        loads are.
+        :class:`Clamped`, :class:`Roller`, :class:`Fixed`, :class:`Prescribed`, :class:`Spring` or
+        :class:`RigidPlate`; ``"clamped"`` and ``"roller"`` are turned into the first two.  Sets of nodes of the mesh
+        may be named as well, and points, by any name, ``hv.Clamped(at=(0.0, 0.0))``.  Of one component a number or a
+        callable that returns shape (k,), as the loads are.
     body_force : vector, shape (d,), or callable
         Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
     tractions : mapping of boundary name to vector, callable or Pressure
@@ -332,11 +333,11 @@ class ContactProblem(PickleMixin, ReprMixin):
 
     @property
     def held_boundaries(self) -> Mapping[str, Support | ScalarData]:
-        """The supports that fix displacements of whole boundaries: no springs, and none of points or sets of nodes."""
+        """The supports that fix displacements of boundaries: none of points, no springs, no plates."""
         return {
             name: support
             for name, support in self.supports.items()
-            if name in self.mesh.boundaries and not isinstance(support, Spring)
+            if name in self.mesh.boundaries and not isinstance(support, Spring | RigidPlate)
         }
 
     @cached_property
@@ -356,7 +357,8 @@ class ContactProblem(PickleMixin, ReprMixin):
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
         prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
         initial = any(field_depends_on_time(getattr(self, name)) for name in INITIAL)
-        parts |= {"load"} if initial or any(map(depends_on_time, loads)) else set()
+        pushed = chain(*(one.loads.values() for one in self.supports.values() if isinstance(one, RigidPlate)))
+        parts |= {"load"} if initial or any(map(depends_on_time, chain(loads, pushed))) else set()
         return frozenset(parts | ({"supports"} if any(map(depends_on_time, prescribed)) else set()))
 
     def at_time(self, t: float) -> ContactProblem:
@@ -563,6 +565,8 @@ class ContactProblem(PickleMixin, ReprMixin):
             )
         if isinstance(support, Prescribed):
             support.refuse_shape(name, self.mesh.dim)
+        if isinstance(support, RigidPlate):
+            support.refuse_shape(name, self.mesh.dim, self.kinematics.ring)
         if isinstance(support, Spring) and support.direction is not None and len(support.direction) != self.mesh.dim:
             raise ProblemError(
                 f"{name} has a direction of {len(support.direction)} numbers; on this mesh it needs {self.mesh.dim}"
@@ -577,7 +581,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         for boundary, one in getattr(self, name).items():
             if getattr(one, "at", None) is not None and name == "supports":
                 self._check_points(boundary, np.array(one.at))
-            elif name == "tractions" or boundary not in self.mesh.node_sets or isinstance(one, Roller | Spring):
+            elif name == "tractions" or boundary not in self.mesh.node_sets or isinstance(one, Roller | RigidPlate):
                 self._check_name(name, boundary, "boundary", "boundaries")
 
     def _check_points(self, name: str, at: Array) -> None:
@@ -693,7 +697,9 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""
         on_boundaries = [name for name in self.contact if name not in self.areas]
-        used = [*{*on_boundaries, *self.ties, *self.held_boundaries}]
+        plates = {name: one for name, one in self.supports.items() if isinstance(one, RigidPlate)}
+        holding = {**self.held_boundaries, **plates}
+        used = [*{*on_boundaries, *self.ties, *holding}]
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
@@ -708,10 +714,11 @@ class ContactProblem(PickleMixin, ReprMixin):
                         f"contact boundaries '{first}' and '{second}' share {shared} facets; a facet can "
                         f"touch one foundation only: separate them"
                     )
-            for other, support in self.held_boundaries.items():
+            for other, support in holding.items():
                 shared = int(np.isin(keys[first], keys[other]).sum())
                 if shared and not isinstance(support, Roller | Fixed):
                     how = "clamped" if isinstance(support, Clamped) else f"constrained by a prescribed {self.unknown}"
+                    how = "a rigid plate" if other in plates else how
                     raise ProblemError(
                         f"contact boundary '{first}' is {how} (support '{other}', {shared} common facets), so no "
                         "contact can happen there; remove one of the two"
