@@ -311,7 +311,7 @@ class RigidPlate(_Support):
 
     force: VectorData | float = field(default=0.0, metadata=stated(Form.VECTOR, timed=True) | _PUSH)
     moment: VectorData | ScalarData = field(default=0.0, metadata=stated(Form.TORQUE, timed=True) | _PUSH)
-    about: Sequence[float] | Array | None = field(
+    about: Sequence[float] | None = field(
         default=None, metadata=stated(Form.POINT) | kept(_point, shown="RigidPlate({}=...)")
     )
     x: ScalarData | None = field(default=None, metadata=_MOTION)
