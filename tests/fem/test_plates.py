@@ -190,6 +190,20 @@ def test_levels_of_multigrid_know_plates() -> None:
     assert direct.certify().unique
 
 
+@pytest.mark.parametrize("slave", ["upper:bottom", "lower:top"])
+def test_a_plate_that_ends_at_a_tie(slave: str) -> None:
+    """Its nodes follow it, and the tie as well: what is joined moves as one, and the forces balance."""
+    upper, lower = hv.rectangle((1.0, 1.0), (3, 3), origin=(0.0, 1.0)), hv.rectangle((1.0, 1.0), (2, 2))
+    joint = {"upper:bottom": hv.Contact(Tie(), against="lower:top", slave=slave)}
+    mesh = Mesh.assembled({"upper": upper, "lower": lower})
+    supports = {"lower:left": hv.Clamped(), "upper:right": RigidPlate(force=(0.2, -0.1), moment=0.05)}
+    solution = hv.solve(hv.ContactProblem(mesh, STEEL, joint, supports))
+    assert sum(solution.reactions.values()) == pytest.approx([0.0, 0.0], abs=1e-12)
+    free = {"lower:left": RigidPlate(force=(-0.2, 0.1)), "upper:right": RigidPlate(force=(0.2, -0.1), moment=0.05)}
+    loose = hv.discretize(hv.ContactProblem(mesh, STEEL, joint, free), check_coercivity=False)
+    assert loose.model.free_motions.count == 3
+
+
 @pytest.mark.parametrize("joined", [True, False], ids=["tied", "one piece"])
 def test_levels_without_coarser_meshes_know_plates_and_ties(joined: bool) -> None:
     parts = {
@@ -236,6 +250,8 @@ def test_a_nonlinear_body_under_a_plate() -> None:
         (lambda: column(2, RigidPlate(about=(0.0, 0.0, 0.0))), "about has 3 coordinates, the mesh has 2"),
         (lambda: hv.ContactProblem(hv.rectangle((1.0, 1.0), 2), STEEL, {"top": hv.Contact(Signorini())},
                                    {"top": RigidPlate()}), "is a rigid plate"),
+        (lambda: hv.discretize(hv.ContactProblem(hv.rectangle((1.0, 1.0), 2), STEEL, {},
+                                                 {"top": RigidPlate(), "right": RigidPlate()})), "share nodes"),
         (lambda: hv.discretize(hv.ContactProblem(hv.rectangle((1.0, 1.0), 2), STEEL, {},
                                                  {"top": RigidPlate(turn_z=0.1), "left": hv.Fixed(y=0.0),
                                                   "right": hv.Fixed(y=0.0)})), "cannot move as supports"),

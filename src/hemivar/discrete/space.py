@@ -27,13 +27,12 @@ class Followers(PickleMixin):
     rows: sp.csr_array  # (k, nodes * components): J
     move: sp.csr_array  # (nodes * components, k): A
     node: IntArray  # (k,): the nodes of what follows
+    plates: int  # how many of the first ones follow rigid plates
 
-    def folded(self, forces: Array, without: IntArray) -> Array:
-        """Forces on nodal values (nodes * components,), those on what follows handed on to what it follows.
-
-        Nodes ``without`` keep theirs.
-        """
-        amounts = np.where(np.isin(self.node, without), 0.0, self.move.T @ forces)
+    def folded(self, forces: Array) -> Array:
+        """Forces on nodal values (nodes * components,), those on what is tied handed on to what it follows."""
+        amounts = self.move.T @ forces
+        amounts[: self.plates] = 0.0
         return np.asarray(forces - self.rows.T @ amounts)
 
 

@@ -34,6 +34,7 @@ class Links:
     node: IntArray  # (k,): the node of which a value follows
     name: str  # of what states them
     notes: tuple[str, ...] = ()
+    of_plate: bool = False
 
 
 def tied_nodes(problem: ContactProblem, supports: Supports) -> dict[str, Mortar]:
@@ -49,7 +50,8 @@ def stated_links(
     ``directions (nodes, c, c)`` are those of the unknowns at every node, ``free (nodes, c)`` which of them are.
     """
     plates = [
-        Links(*plate.follow(supports, directions, free), f"plate '{plate.name}'") for plate in stated_plates(problem)
+        Links(*plate.follow(supports, directions, free), f"plate '{plate.name}'", of_plate=True)
+        for plate in stated_plates(problem)
     ]
     named = {f"tie '{name}' against '{problem.ties[name].against}'": tie for name, tie in ties.items()}
     return [*plates, *(_tie(name, tie, supports, directions, free) for name, tie in named.items())]

@@ -7,6 +7,7 @@ others follow them (:mod:`hemivar.fem.links`): unknowns are displacements, and l
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,9 +135,16 @@ class Plate:
 
 
 def stated_plates(problem: ContactProblem) -> list[Plate]:
-    """The plates of a problem."""
+    """The plates of a problem, which share no node."""
     stated = problem.supports.items()
-    return [Plate.of(problem, name, plate) for name, plate in stated if isinstance(plate, RigidPlate)]
+    plates = [Plate.of(problem, name, plate) for name, plate in stated if isinstance(plate, RigidPlate)]
+    for one, other in itertools.combinations(plates, 2):
+        if np.intersect1d(one.nodes, other.nodes).size:
+            raise SupportError(
+                f"the rigid plates '{one.name}' and '{other.name}' share nodes; name one boundary for both, or let "
+                "them end apart"
+            )
+    return plates
 
 
 def plate_load(problem: ContactProblem, count: int) -> Array:

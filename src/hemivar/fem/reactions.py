@@ -91,8 +91,7 @@ def _reactions(
         force += nodal_stiffness(stated, displacement) @ displacement
     plates = stated_plates(stated)
     if field.followers is not None:
-        on_plates = np.concatenate([plate.nodes for plate in plates]) if plates else np.zeros(0, dtype=np.int64)
-        force = field.followers.folded(force.ravel(), on_plates).reshape(force.shape)
+        force = field.followers.folded(force.ravel()).reshape(force.shape)
     pushed = {plate.name: _by_plate(plate, supports, force) for plate in plates}
     amounts = np.einsum("kqd,kd->kq", supports.directions, force)
     springs = {name: -one.forces(displacement).sum(axis=0) for name, one in stated_springs(stated).items()}

@@ -105,9 +105,9 @@ class NodalConditions:
         (rows, node), jumps = self._linked, self.jumps
         assert jumps is not None
         able = np.flatnonzero(jumps.vanish >= 0)
-        return Followers(
-            sp.csr_array(rows[able]), sp.csr_array(self._nodal @ jumps.change[:, jumps.vanish[able]]), node[able]
-        )
+        move = sp.csr_array(self._nodal @ jumps.change[:, jumps.vanish[able]])
+        of_plates = sum(len(link.node) for link in self.links if link.of_plate)
+        return Followers(sp.csr_array(rows[able]), move, node[able], int(np.searchsorted(able, of_plates)))
 
     def matrix(self, blocks: EdgeBlocks) -> sp.csr_array:
         """The symmetric matrix (n, n) of blocks along the axes, which are used up."""
