@@ -183,6 +183,12 @@ def test_three_bodies_hang_together() -> None:
     assert solution.displacement[:, 1] == pytest.approx(0.1 * problem.mesh.points[:, 1], abs=1e-12)
 
 
+def test_heat_that_would_not_pass_a_tie_is_refused() -> None:
+    warm = hv.mechanics.Heat(conductivity=1.0, capacity=1.0)
+    with pytest.raises(ProblemError, match="no heat passes it"):
+        hv.Evolution(hv.ContactProblem(halves(2), STEEL, JOINT, {"lower:bottom": hv.Clamped()}), heat=warm)
+
+
 @pytest.mark.parametrize(
     ("make", "says"),
     [
