@@ -261,6 +261,24 @@ def _sprung(contact: hv.Contact, up: float) -> hv.ContactProblem:
     return _plane(contact, up, supports=supports)
 
 
+def _tied_blocks(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A block that is joined for good to another one, whose nodes do not match."""
+    upper, lower = hv.rectangle((1.0, 0.5), (3, 1), origin=(0.0, 0.5)), hv.rectangle((1.0, 0.5), (2, 1))
+    return hv.ContactProblem(
+        Mesh.assembled({"upper": upper, "lower": lower}),
+        _steel(),
+        {"lower:bottom": contact, "upper:bottom": hv.Contact(hv.laws.Tie(), against="lower:top")},
+        {"upper:left": hv.Clamped(), "lower:left": hv.Clamped()},
+        body_force=(0.1 * up, up),
+    )
+
+
+def _plated(contact: hv.Contact, up: float) -> hv.ContactProblem:
+    """A block under a rigid plate that turns."""
+    plate = hv.mechanics.RigidPlate(force=(0.1 * up, up), moment=0.05 * up)
+    return _plane(contact, 0.1 * up, supports={"left": hv.Clamped(), "top": plate})
+
+
 def _membrane(contact: hv.Contact, up: float) -> hv.ContactProblem:
     """On a foundation beneath its middle."""
     mesh = hv.rectangle((1.0, 1.0), 3)
@@ -356,6 +374,8 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
     "resting": _resting,
     "sprung": _sprung,
+    "tied": _tied_blocks,
+    "plated": _plated,
     "pair": _pair,
     "glued inside": _glued,
     "cracked": _cracked,

@@ -37,6 +37,8 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "stiffened"): "stress stiffening",
     ("body", "resting"): "held by contact",
     ("body", "sprung"): "on springs",
+    ("body", "tied"): "two bodies tied",
+    ("body", "plated"): "under a rigid plate",
     ("body", "parts"): "two parts",
     ("body", "pair"): "two bodies that touch",
     ("body", "glued inside"): "an opened interface",

@@ -64,8 +64,8 @@ _NO_PATH = (
     "that does not depend on the solution."
 )
 _NO_BOUND = (
-    "The distance to the exact solution is bounded for elastic bodies held on boundaries, without bedding and springs, "
-    "and for one component on supports; adaptive solves are for bodies."
+    "The distance to the exact solution is bounded for elastic bodies held on boundaries, without bedding, springs, "
+    "plates and ties, and for one component on supports; adaptive solves are for bodies."
 )
 _NO_BOUND_REVOLVED = "Bodies of revolution have no bound of the distance to the exact solution and no adaptive solve."
 _NO_BOUND_QUADRATIC = "In space the distance to the exact solution is bounded for linear elements only."
@@ -106,6 +106,8 @@ RULES = (
     Rule("drops discontinuously", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
     Rule("bodies held on boundaries", _NO_BOUND, _BOUNDS, ("sprung",)),
+    Rule("bodies without ties", _NO_BOUND, _BOUNDS, ("tied",)),
+    Rule("bodies held on boundaries", _NO_BOUND, _BOUNDS, ("plated",)),
     Rule("use order = 1", _NO_BOUND_QUADRATIC, _BOUNDS, ("quadratic tetrahedra",)),
     Rule(
         "not available with stress stiffening",

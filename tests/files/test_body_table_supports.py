@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import parse_problem
-from hemivar.mechanics import Spring
+from hemivar.mechanics import RigidPlate, Spring
 
 HEAD = """
 mesh = { rectangle = [2.0, 1.0], cells = [4, 2] }
@@ -27,6 +27,9 @@ STATED = {
         "pin": hv.Prescribed((0.1, 0.0), at=[(0.0, 0.0), (2.0, 0.0)])
     },
     "bottom = { normal = 2.0, tangential = 3.0 }": {"bottom": Spring(2.0, 3.0)},
+    "top = { rigid = true, force = [0.0, -2.0], moment = 0.5, about = [1.0, 1.0], x = 0.0 }": {
+        "top": RigidPlate(force=(0.0, -2.0), moment=0.5, about=(1.0, 1.0), x=0.0)
+    },
     "bottom = 'clamped'\npin = { at = [1.0, 1.0], normal = 2.0, direction = [0.0, 1.0] }": {
         "bottom": hv.Clamped(), "pin": Spring(2.0, direction=(0.0, 1.0), at=(1.0, 1.0)),
     },
@@ -48,6 +51,23 @@ def test_a_formula_of_a_spring_is_kept(tmp_path: Path) -> None:
     assert np.array_equal(again, hv.solve(read).displacement)
 
 
+def test_a_plate_in_space_that_follows_the_time(tmp_path: Path) -> None:
+    text = """
+mesh = { box = [1.0, 1.0, 1.0], cells = [1, 1, 1] }
+material = { young = 10.0, poisson = 0.0 }
+supports.bottom = "clamped"
+supports.top = { rigid = true, moment = [0.0, "-t", 0.0], turn_z = 0.0 }
+time = { until = 1.0, step = 0.5 }
+"""
+    read = parse_problem(text)
+    hv.write_problem(read, tmp_path / "again.toml")
+    for problem in (read, hv.read_problem(tmp_path / "again.toml")):
+        plate = hv.solve(problem.at_time(1.0)).plates["top"]
+        assert plate["moment_y"] == pytest.approx(-1.0)
+        assert plate["turn_z"] == pytest.approx(0.0, abs=1e-12)
+        assert plate["turn_y"] < 0.0
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -59,6 +79,10 @@ def test_a_formula_of_a_spring_is_kept(tmp_path: Path) -> None:
         ("left = { x = 0.0, displacement = [0.0, 0.0] }", "fixes every direction; remove the single ones"),
         ("left = { normal = -1.0 }", "-1"),
         ("pin = { at = [0.0, 0.0], normal = 1.0 }", "pin: a Spring at a point has no normal"),
+        ("top = { rigid = false, force = [0.0, 1.0] }", "is true of a plate"),
+        ("top = { rigid = true, force = [0.0] }", "force"),
+        ("top = { rigid = true, z = 0.0 }", "prescribes z"),
+        ("top = { rigid = true, normal = 1.0 }", "unknown key"),
         ("left = { normal = '1 + t' }", "cannot change with time"),
     ],
 )

@@ -60,6 +60,8 @@ class Form(StrEnum):
     """A number, or a formula of the place."""
     VECTOR = "vector"
     """A number or a formula for each direction."""
+    TORQUE = "torque"
+    """A number or a formula, in space one for each direction."""
     LIST = "list"
     """A list of numbers."""
     TENSOR = "tensor"

@@ -74,6 +74,7 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
         material=lower_elasticity(problem.material),
         supports=supports,
         contact=contact,
+        ties={},
         tractions={},
         body_force=(0.0,) * mesh.dim,
         order=1,

@@ -317,8 +317,13 @@ def body_data(problem: ContactProblem, displacement: Array, workspace: Workspace
         raise ProblemError("admissible stresses are made of bodies without bedding; leave the bedding out")
     if len(problem.held_boundaries) < len(problem.supports):
         raise ProblemError(
-            "admissible stresses are made of bodies held on boundaries, not at points or by springs; hold a boundary, "
-            "or compare with a finer mesh"
+            "admissible stresses are made of bodies held on boundaries, not at points, by springs or plates; hold a "
+            "boundary, or compare with a finer mesh"
+        )
+    if problem.ties:
+        raise ProblemError(
+            "admissible stresses are made of bodies without ties; make one mesh of what is tied, or compare with a "
+            "finer mesh"
         )
     if problem.initially_stressed:
         raise ProblemError(

@@ -22,10 +22,21 @@ from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.parts import Parts
 
-__all__ = ["Mechanism", "RigidModes", "admitted", "free_motions", "joined", "no_motions", "rigid_basis"]
+__all__ = [
+    "Mechanism",
+    "RigidModes",
+    "admitted",
+    "free_motions",
+    "joined",
+    "linked_motions",
+    "no_motions",
+    "rigid_basis",
+]
 
 #: Motions of parts that hang together at nodes only, up to which they are sorted out.
 _LARGEST = 1200
+#: Part of a motion of size one that links take away by rounding: of sums over the facets around a node.
+_ROUNDED = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +103,49 @@ def free_motions(
     stopped = _stopped(mesh.dim, basis, lift, own)
     if resisted is not None:
         stopped = _sums(stopped, resisted)
-    able = np.eye(3)[:, [1]] if ring else np.eye(3 if mesh.dim == 2 else 6)  # of rings along the axis
+    able = _able(mesh.dim, ring)
     return (_of_one if mesh.parts.count == 1 else _of_many)(mesh, order, stopped, able)
+
+
+def linked_motions(
+    mesh: Mesh,
+    order: int,
+    basis: sp.csr_array,
+    lift: sp.csr_array,
+    ring: bool,
+    resisted: tuple[IntArray, Array] | None = None,
+) -> RigidModes:
+    """The same of bodies some nodes of which follow others: all parts are one group."""
+    body, able, dim = _Body(mesh, order), _able(mesh.dim, ring), mesh.dim
+    width, count = able.shape[1], body.all.count
+    if width * count > _LARGEST:
+        raise ProblemError(f"the body has {count} parts, more than can be linked; join their cells through facets")
+
+    def rows(of: IntArray) -> IntArray:
+        return (of[:, None] * dim + np.arange(dim)).ravel()
+
+    moved = np.concatenate([body.motions(part, body.nodes_of(part)) @ able for part in range(count)])
+    columns = np.repeat(body.owner[:, None] * width + np.arange(width), dim, axis=0)
+    shape = (len(body.node) * dim, width * count)
+    each = sp.csr_array((moved.ravel(), columns.ravel(), np.arange(0, moved.size + 1, width)), shape=shape)
+    motions = sp.csr_array(each[rows(np.unique(body.node, return_index=True)[1])])
+    conditions = [each - motions[rows(body.node)], motions - basis @ (lift @ motions)]
+    if resisted is not None:
+        conditions.append(sp.block_diag(resisted[1]) @ motions[rows(resisted[0])])
+    stops = sp.csr_array(sp.vstack(conditions))
+    stops.data[np.abs(stops.data) < _ROUNDED] = 0.0
+    stops.eliminate_zeros()
+    left = admitted(stops[np.diff(stops.indptr) > 0].toarray())
+    if not left.shape[1]:
+        return no_motions(mesh, motions.shape[0])
+    coefficients = np.einsum("kw,pwa->pka", able, left.reshape(count, width, -1))
+    group = Mechanism(np.arange(count), slice(0, left.shape[1]), coefficients, np.flatnonzero(body.shared))
+    return RigidModes(sp.csc_array(motions @ left), (group,), mesh.parts)
+
+
+def _able(dim: int, ring: bool) -> Array:
+    """Which of the rigid motions deform nothing: of rings that along the axis."""
+    return np.eye(3)[:, [1]] if ring else np.eye(3 if dim == 2 else 6)
 
 
 def _sums(one: tuple[IntArray, Array], other: tuple[IntArray, Array]) -> tuple[IntArray, Array]:

@@ -13,11 +13,27 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.constants import free_constants
-from hemivar.discrete.rigid_modes import RigidModes, free_motions
+from hemivar.discrete.rigid_modes import RigidModes, free_motions, linked_motions
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Field", "Space"]
+__all__ = ["Field", "Followers", "Space"]
+
+
+@dataclass(frozen=True, eq=False)
+class Followers(PickleMixin):
+    """Nodal values that follow others: those U with ``J U = b``, where ``J A = 1``."""
+
+    rows: sp.csr_array  # (k, nodes * components): J
+    move: sp.csr_array  # (nodes * components, k): A
+    node: IntArray  # (k,): the nodes of what follows
+    plates: int  # how many of the first ones follow rigid plates
+
+    def folded(self, forces: Array) -> Array:
+        """Forces on nodal values (nodes * components,), those on what is tied handed on to what it follows."""
+        amounts = self.move.T @ forces
+        amounts[: self.plates] = 0.0
+        return np.asarray(forces - self.rows.T @ amounts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +72,8 @@ class Field(PickleMixin):
         A displacement of a body of revolution about the second axis, which alone it can follow without strain.
     resisted : int array (k,) and array (k, d, d), optional
         Nodes at springs, and matrices that are not negative and zero for displacements without force of a spring.
+    followers : Followers, optional
+        What follows other nodal values.
 
     Raises
     ------
@@ -75,6 +93,7 @@ class Field(PickleMixin):
     ring: bool = False
     partial: bool = False
     resisted: tuple[IntArray, Array] | None = None
+    followers: Followers | None = None
 
     def __post_init__(self) -> None:
         expect(self.mesh, Mesh, "the mesh of a field", "hemivar.rectangle, hemivar.box and read_mesh make one")
@@ -149,6 +168,8 @@ class Field(PickleMixin):
         """The motions without strain, or without gradient, that supports leave to a displacement or one component."""
         if self.constants:
             return free_constants(self.mesh, self.basis)
+        if self.followers is not None:
+            return linked_motions(self.mesh, self.order, self.basis, self.lift, self.ring, self.resisted)
         return free_motions(self.mesh, self.order, self.basis, self.lift, self.own, self.ring, self.resisted)
 
     def full(self, unknowns: Array) -> Array:

@@ -16,6 +16,7 @@ from hemivar.fem.constitutive import ConstitutiveLaw, elastic
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import scaled_gradients, shape_derivatives, shape_values
 from hemivar.fem.initial_load import initial_load
+from hemivar.fem.plates import plate_load
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import hoop_matrices
 from hemivar.kernels.mesh_sums import BlockGraph
@@ -240,6 +241,7 @@ def stated_load(problem: ContactProblem, initial: Array | None = None) -> Array:
     """The load vector of a statement, shape (nodes * c,); ``initial`` is its part of initial stress, if it is known."""
     loads, names = (problem.body_force, problem.tractions), problem.load_names
     load = load_vector(problem.mesh, problem.order, *loads, problem.components, names, problem.kinematics)
+    load += plate_load(problem, len(load) // problem.components)
     if not problem.initially_stressed:
         return load
     return load + (initial_load(problem) if initial is None else initial)

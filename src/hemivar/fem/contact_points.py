@@ -41,7 +41,9 @@ __all__ = [
     "merge_corners",
     "pair_projection",
     "refuse_dependent",
+    "seen_apart",
     "shares",
+    "without_followers",
 ]
 
 #: What rounding makes of a gap, and may put a held point beyond the end of a law by, of the size of the mesh or the
@@ -252,7 +254,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
     names, count = tuple(problem.contact), len(points)
     trace, boundary = local_components(projection.jump, frames), np.full(count, names.index(name))
     kept = moves.ravel()
-    kept[~kept] = _seen_apart(sp.csr_array(trace[~kept]), np.repeat(supports.count == 0, supports.nodes.shape[1]))
+    kept[~kept] = seen_apart(sp.csr_array(trace[~kept]), np.repeat(supports.count == 0, supports.nodes.shape[1]))
     trace = sp.csr_array(sp.diags_array(kept.astype(float)) @ trace)
     pairs = {name: problem.pair(name)}
     at = ContactPoints(
@@ -273,7 +275,7 @@ def _pair(problem: ContactProblem, name: str, supports: Supports) -> BoundaryCon
         return BoundaryContact(at, stated + apart, still, law, blocked, True, (*warnings, *arcs.warnings))
 
 
-def _seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
+def seen_apart(rows: sp.csr_array, free: BoolArray) -> BoolArray:
     """Of directions (k,) in which supports hold the slave: those whose jump sees the master, each its own part of it.
 
     Friction acts there between the master and the slave that is held.  Without it the master would miss that share of
@@ -538,6 +540,15 @@ def merge_corners(
                 raise ProblemError("every node of a contact boundary belongs to another one; join the two")
             groups[later] = replace(groups[later], blocked=other_blocked).take(rest)
     return groups
+
+
+def without_followers(groups: list[BoundaryContact], nodes: list[IntArray]) -> list[BoundaryContact]:
+    """Boundaries without the points at nodes that follow others: the nearest other has the weight of what leaves."""
+    kept = []
+    for group in groups:
+        leaves = np.isin(group.points.node, np.concatenate([*nodes, np.zeros(0, dtype=np.int64)]))
+        kept.append(_handed_on(group, leaves) if leaves.any() and not leaves.all() else group)
+    return kept
 
 
 def _left_to_glue(groups: list[BoundaryContact], contacts: Mapping[str, Contact]) -> list[BoundaryContact]:

@@ -141,6 +141,7 @@ def _discretize(
     field = Field(
         mesh, order, basis, conditions.prescribed, problem.components, problem.unknown, conditions.lift,
         constants=problem.components == 1, ring=problem.kinematics.ring, resisted=resisted_directions(problem),
+        followers=conditions.followers,
     )  # fmt: skip
     contact, offset, law, energy = conditions.contact()
     if problem.material.linear:
@@ -208,14 +209,14 @@ def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBo
     blocks = body_blocks(problem, node_graph(mesh, order))
     bedded = _bedded(problem, blocks)
     if prescribed.any():
-        reaction = blocks.times(conditions.supports.value).ravel()
+        reaction = blocks.times(prescribed.reshape(conditions.free.shape)).ravel()
     bulk = Quadratic(conditions.matrix(blocks), assembled=True)
     return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), bedded)
 
 
 def _stored(problem: ContactProblem, conditions: NodalConditions) -> EnergyIntegral:
     """The energy by the unknowns, zero where supports alone are displaced."""
-    energy, start = bedded_energy(problem), conditions.supports.value
+    energy, start = bedded_energy(problem), conditions.prescribed.reshape(conditions.free.shape)
     return EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free, conditions.jumps)
 
 

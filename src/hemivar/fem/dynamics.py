@@ -25,8 +25,9 @@ from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.energy_integral import EnergyIntegral
 from hemivar.fem.mass import MassDensity, body_blocks, inertia, mass_blocks, per_volume
 from hemivar.fem.mortar_basis import JumpUnknowns
-from hemivar.fem.supports import Supports, supported_nodes
-from hemivar.fem.unknowns import matrix_of, nodal_conditions
+from hemivar.fem.plates import stated_plates
+from hemivar.fem.supports import supported_nodes
+from hemivar.fem.unknowns import NodalConditions, matrix_of, nodal_conditions
 from hemivar.mechanics.conditions import ScalarData, Support, stated_values
 from hemivar.mechanics.statement import ContactProblem
 
@@ -46,7 +47,7 @@ class Reduction:
     ) -> None:
         assert problem.field is not None
         self.problem, self.moved, self.free, self.directions, self.jumps = problem, moved, free, directions, jumps
-        if problem.unknowns != int(free.sum()):
+        if problem.unknowns != (int(free.sum()) if jumps is None else jumps.kept.size):
             raise ProblemError("the discrete problem does not belong to this problem; discretize this one")
 
     def stiffness(self, make: Callable[[], EdgeBlocks]) -> Operator:
@@ -101,7 +102,7 @@ def body_family(
     discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete
     material, mesh = problem.material, problem.mesh
     conditions, graph = nodal_conditions(problem, pairs), node_graph(mesh, problem.order)
-    moved = moved_components(problem, conditions.supports)
+    moved = moved_components(problem, conditions)
     reduction = Reduction(discrete, moved, conditions.free, conditions.directions, conditions.jumps)
     stiffness = reduction.stiffness(lambda: body_blocks(problem, graph))
 
@@ -120,16 +121,21 @@ def body_family(
     return OperatorFamily(discrete, stiffness, viscosity, mass, branches, moved)
 
 
-def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:
-    """Nodal components along which a support may move its node; of heat all that are held."""
+def moved_components(problem: ContactProblem, conditions: NodalConditions) -> IntArray:
+    """Nodal components along which a support may move its node, or one that follows it; of heat all that are held."""
     # the balance of heat asks for all of them
     names = [name for name, support in problem.supports.items() if problem.thermal or _moves(support)]
     if not names:
         return np.zeros(0, dtype=np.int64)
     nodes = np.unique(np.concatenate([supported_nodes(problem, name)[0] for name in names]))
-    fixed = np.abs(supports.directions[nodes]).max(axis=1) > 0.0
-    node, component = np.nonzero(fixed)
-    return np.asarray(nodes[node] * problem.components + component, dtype=np.int64)
+    at_nodes = np.zeros(conditions.free.shape, dtype=bool)
+    at_nodes[nodes] = np.abs(conditions.supports.directions[nodes]).max(axis=1) > 0.0
+    moved = at_nodes.ravel()
+    if (followers := conditions.followers) is not None:
+        plates = [plate.nodes for plate in stated_plates(problem) if plate.name in names]
+        touched = abs(followers.rows) @ moved + np.isin(followers.node, np.concatenate([nodes[:0], *plates]))
+        moved = moved | (abs(followers.move) @ touched > 0.0)
+    return np.flatnonzero(moved)
 
 
 def _moves(support: Support | ScalarData) -> bool:

@@ -19,7 +19,7 @@ from hemivar.fem.mass import stated_bedding, with_ground
 from hemivar.fem.mortar_basis import JumpUnknowns
 from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
 from hemivar.fem.springs import stated_springs
-from hemivar.fem.unknowns import matrix_of
+from hemivar.fem.unknowns import basis_of, matrix_of
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
@@ -186,8 +186,11 @@ class EnergyIntegral(PickleMixin):
     @property
     def origin(self) -> Array:
         """What is displaced at unknowns zero, by unknowns (n,): ``P'u0``, jumps made of it."""
-        along = self.basis.T @ self.prescribed.ravel()
-        return np.asarray(along if self.jumps is None else self.jumps.back @ (self.jumps.back.T @ along))
+        if self.jumps is None:
+            return np.asarray(self.basis.T @ self.prescribed.ravel())
+        assert self.directions is not None
+        nodal = basis_of(self.directions, self.free)
+        return np.asarray(self.jumps.back[self.jumps.kept] @ (nodal.T @ self.prescribed.ravel()))
 
     def field(self, u: Array) -> Array:
         """Nodal values ``P u + u0``, shape (nodes, c)."""

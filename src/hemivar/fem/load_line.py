@@ -19,7 +19,7 @@ from hemivar.fem.assembly import stated_load
 from hemivar.fem.discretize import discretize
 from hemivar.fem.reactions import support_reactions
 from hemivar.mechanics import ContactProblem
-from hemivar.mechanics.conditions import at_rest
+from hemivar.mechanics.conditions import RigidPlate, at_rest
 
 __all__ = ["LoadLine", "load_names"]
 
@@ -199,7 +199,13 @@ def _stored(problem: DiscreteProblem) -> float:
 
 
 def _loads(problem: ContactProblem) -> set[str]:
-    return {*problem.tractions} | ({_BODY} if callable(problem.body_force) or np.any(problem.body_force) else set())
+    plates = {name: one.loads.values() for name, one in problem.supports.items() if isinstance(one, RigidPlate)}
+    pushed = {name for name, loads in plates.items() if any(map(_acts, loads))}
+    return {*problem.tractions} | pushed | ({_BODY} if _acts(problem.body_force) else set())
+
+
+def _acts(load: object) -> bool:
+    return callable(load) or bool(np.any(np.asarray(load)))
 
 
 def _check_loads(problem: ContactProblem, names: Collection[str]) -> None:
@@ -216,10 +222,15 @@ def _check_loads(problem: ContactProblem, names: Collection[str]) -> None:
 def _with_loads(problem: ContactProblem, names: Collection[str]) -> ContactProblem:
     """The statement with these loads alone."""
     tractions = {name: traction for name, traction in problem.tractions.items() if name in names}
-    return replace(problem, body_force=problem.body_force if _BODY in names else 0.0, tractions=tractions)
+    supports = {
+        name: replace(one, force=0.0, moment=0.0) if isinstance(one, RigidPlate) and name not in names else one
+        for name, one in problem.supports.items()
+    }
+    force = problem.body_force if _BODY in names else 0.0
+    return replace(problem, body_force=force, tractions=tractions, supports=supports)
 
 
 def _unloaded(problem: ContactProblem, constant: Collection[str]) -> ContactProblem:
     """The statement with its constant loads alone, and without prescribed displacements."""
-    supports = {name: at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
-    return replace(_with_loads(problem, constant), supports=supports)
+    left = _with_loads(problem, constant)
+    return replace(left, supports={name: at_rest(one, problem.mesh.dim) for name, one in left.supports.items()})

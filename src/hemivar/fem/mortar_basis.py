@@ -33,6 +33,12 @@ class JumpUnknowns(PickleMixin):
 
     change: sp.csr_array  # (n, n): T in ``u = T v``
     back: sp.csr_array  # (n, n): its inverse
+    vanish: IntArray  # (k,): those of v that are zero, as what they are jumps between is linked; -1 where none is
+
+    @cached_property
+    def kept(self) -> IntArray:
+        """The unknowns of v that do not vanish."""
+        return np.setdiff1d(np.arange(self.change.shape[0]), self.vanish)
 
     @cached_property
     def _added(self) -> tuple[IntArray, sp.csr_array]:
@@ -42,7 +48,14 @@ class JumpUnknowns(PickleMixin):
         return rows, sp.csr_array(added[rows])
 
     def of(self, matrix: sp.csr_array) -> sp.csr_array:
-        """``T'A T`` of a symmetric matrix (n, n) with sorted indices, on a sparsity that follows from that of A."""
+        """``T'A T`` of a symmetric matrix (n, n) with sorted indices, on a sparsity that follows from that of A.
+
+        Rows and columns of what vanishes are left out.
+        """
+        whole = self._of_all(matrix)
+        return whole if self.kept.size == whole.shape[0] else sp.csr_array(whole[self.kept][:, self.kept])
+
+    def _of_all(self, matrix: sp.csr_array) -> sp.csr_array:
         rows, added = self._added
         near = sp.csr_array(matrix[rows])
         values = _correction(near, added, rows)
@@ -91,8 +104,8 @@ def _with_rows(matrix: sp.csr_array, rows: IntArray, changed: sp.csr_array) -> s
 # ---- the change of basis -------------------------------------------------------------------------------------------
 
 
-def jump_unknowns(trace: sp.csr_array, own: IntArray, node: IntArray) -> JumpUnknowns | None:
-    """Unknowns of which some are the jumps of a trace.
+def jump_unknowns(trace: sp.csr_array, own: IntArray, node: IntArray, linked: int = 0) -> JumpUnknowns | None:
+    """Unknowns of which some are the jumps of a trace; the first ones are of what is ``linked``, and vanish.
 
     Each comes in the place of an unknown of its own node, or of one of the master where another jump has taken that.
 
@@ -102,13 +115,13 @@ def jump_unknowns(trace: sp.csr_array, own: IntArray, node: IntArray) -> JumpUnk
     circle.
     """
     at_own, local = _own_pivots(trace, own, node)
-    changed = _changed(trace, _elsewhere(at_own, trace, ~local, node), node)
-    return _changed(trace, at_own, node) if changed is None else changed
+    changed = _changed(trace, _elsewhere(at_own, trace, ~local, node), node, linked)
+    return _changed(trace, at_own, node, linked) if changed is None else changed
 
 
-def _changed(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> JumpUnknowns | None:
+def _changed(trace: sp.csr_array, pivot: IntArray, node: IntArray, linked: int) -> JumpUnknowns | None:
     """The change to jumps in the place of unknowns (k,), -1 for none; none where they see one another in a circle."""
-    rows = np.flatnonzero(pivot >= 0)
+    vanish, rows = pivot[:linked], np.flatnonzero(pivot >= 0)
     rows = rows[np.argsort(pivot[rows])]
     jumps, n = pivot[rows], trace.shape[1]
     trace = sp.csr_array(trace[rows])
@@ -120,7 +133,7 @@ def _changed(trace: sp.csr_array, pivot: IntArray, node: IntArray) -> JumpUnknow
     among = sp.csr_array((np.ones(jumps.size), (jumps, np.arange(jumps.size))), shape=(n, jumps.size))
     plain = sp.diags_array(others)
     change = plain + among @ inverse @ (among.T - trace @ plain)
-    return JumpUnknowns(_cleaned(change), _cleaned(plain + among @ trace))
+    return JumpUnknowns(_cleaned(change), _cleaned(plain + among @ trace), vanish)
 
 
 def _cleaned(matrix: sp.csr_array) -> sp.csr_array:

@@ -15,14 +15,15 @@ from hemivar.fem.constitutive import EnergyLaw, constitutive_law
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses, stated_bedding
+from hemivar.fem.plates import Plate, stated_plates
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.rings import hoop_matrices
 from hemivar.fem.springs import stated_springs
 from hemivar.fem.stress_stiffness import nodal_stiffness
-from hemivar.fem.supports import stated_supports, sum_by
+from hemivar.fem.supports import Supports, stated_supports, sum_by
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
+__all__ = ["internal_forces", "nodal_contact_forces", "plate_motions", "support_reactions"]
 
 
 def support_reactions(
@@ -38,8 +39,35 @@ def support_reactions(
     reactions.
 
     A node of several supports is counted direction by direction, in the order in which the supports are stated: each
-    takes the force along what it fixes and none before it has fixed.
+    takes the force along what it fixes and none before it has fixed.  That of a rigid plate is the stated force and
+    what holds its prescribed motions.
     """
+    forces, plates = _reactions(problem, displacement, multiplier)
+    assert problem.origin is not None
+    none = np.zeros(displacement.shape[1])
+    for plate in stated_plates(problem.origin):
+        forces[plate.name] = plate.force(plates[plate.name])
+    return {name: forces.get(name, none) for name in problem.origin.supports}
+
+
+def plate_motions(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> dict[str, dict[str, float]]:
+    """How each rigid plate moves, and the force and the moment with which it acts on the body, by name.
+
+    Displacements ``x``, ``y``, ``z`` are those of the point that is stated for it, ``turn_z`` is in radians, and
+    ``force_x`` and ``moment_z`` go with them; see :class:`hemivar.mechanics.RigidPlate`.
+    """
+    _, plates = _reactions(problem, displacement, multiplier)
+    assert problem.origin is not None
+    return {
+        plate.name: plate.amounts(displacement) | plate.resultants(plates[plate.name])
+        for plate in stated_plates(problem.origin)
+    }
+
+
+def _reactions(
+    problem: DiscreteProblem, displacement: Array, multiplier: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Forces of supports on the body, by name, and what plates do along their motions."""
     stated, field = problem.origin, problem.field
     if stated is None or field is None:
         raise ProblemError("this problem was made of arrays: its supports are not known; state it and discretize it")
@@ -48,7 +76,10 @@ def support_reactions(
     supports = stated_supports(stated)
     fixed = supports.count > 0
     mesh, order = stated.mesh, stated.order
-    cells = np.flatnonzero(fixed[mesh.cell_nodes(order)].any(axis=1))
+    near = fixed.copy()
+    if field.followers is not None:  # what follows the nodes of supports hands its forces on to them
+        near[np.unique(field.followers.rows.indices) // displacement.shape[1]] = True
+    cells = np.flatnonzero(near[mesh.cell_nodes(order)].any(axis=1))
     load = (stated_load(stated) if load is None else load).reshape(displacement.shape)
     if isinstance(problem.bulk, Potential):
         moved, size = problem.bulk.initial_forces, norm(problem.bulk.initial_sizes)
@@ -62,13 +93,33 @@ def support_reactions(
     force = internal_forces(stated, displacement, cells) - load - nodal_contact_forces(problem, multiplier)
     if stated.stiffening:
         force += nodal_stiffness(stated, displacement) @ displacement
+    plates = stated_plates(stated)
+    if field.followers is not None:
+        force = field.followers.folded(force.ravel()).reshape(force.shape)
+    pushed = {plate.name: _by_plate(plate, supports, force) for plate in plates}
     amounts = np.einsum("kqd,kd->kq", supports.directions, force)
     springs = {name: -one.forces(displacement).sum(axis=0) for name, one in stated_springs(stated).items()}
     held = {
         name: np.einsum("kq,kqd->d", np.where(supports.owner == number, amounts, 0.0), supports.directions)
         for number, name in enumerate(supports.names)
     }
-    return {name: {**held, **springs}.get(name, np.zeros(displacement.shape[1])) for name in stated.supports}
+    return {**held, **springs}, pushed
+
+
+def _by_plate(plate: Plate, supports: Supports, force: Array) -> Array:
+    """What a plate does along its motions (r,): the stated loads, and what holds prescribed motions.
+
+    The forces (nodes, c) at its nodes, which hold it together, are replaced by those of supports there, in place.
+    """
+    conditions, _ = plate.held(supports)
+    left = np.einsum("kdr,kd->r", plate.motions, force[plate.nodes])
+    shares = np.linalg.lstsq(conditions.T, left, rcond=SAME)[0] if len(conditions) else np.zeros(0)
+    along = np.zeros((len(plate.nodes), supports.directions.shape[1]))
+    along[plate.held_directions(supports)] = shares[len(plate.prescribed) :]
+    force[plate.nodes] = np.einsum("kq,kqd->kd", along, supports.directions[plate.nodes])
+    total = plate.pushed.copy()
+    total[list(plate.prescribed)] += shares[: len(plate.prescribed)]
+    return total
 
 
 def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:

@@ -14,6 +14,7 @@ from hemivar.mechanics.conditions import (
     DataField,
     Fixed,
     Prescribed,
+    RigidPlate,
     Roller,
     ScalarData,
     Spring,
@@ -159,7 +160,7 @@ def _impose(supports: Supports, problem: ContactProblem, name: str, support: Sup
     supports.notes += [] if note is None else [note]
     points, components = supports.nodes[ids], supports.value.shape[1]
     what = f"supports['{name}']"
-    if isinstance(support, Spring):
+    if isinstance(support, Spring | RigidPlate):
         return
     if isinstance(support, Roller):
         for members, normals in _smooth_normals(boundary_rule(problem.mesh, name, problem.order)):

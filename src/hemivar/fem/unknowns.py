@@ -9,8 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.space import Followers
+from hemivar.errors import ProblemError
 from hemivar.fem.contact_points import (
     BoundaryContact,
     area_contacts,
@@ -18,9 +20,12 @@ from hemivar.fem.contact_points import (
     contacts_of_one,
     join,
     merge_corners,
+    without_followers,
 )
 from hemivar.fem.edge_blocks import EdgeBlocks
+from hemivar.fem.links import Links, stated_links, tied_nodes
 from hemivar.fem.mortar_basis import JumpUnknowns, jump_unknowns
+from hemivar.fem.plates import stated_plates
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -40,43 +45,88 @@ class NodalConditions:
     groups: list[BoundaryContact]
     directions: Array  # (nodes, c, c): orthonormal directions of the unknowns at every node
     free: BoolArray  # (nodes, c): which of them are unknowns
+    links: list[Links]
+
+    @cached_property
+    def _nodal(self) -> sp.csr_array:
+        """What nodal values (nodes * c,) are of the components that supports leave free."""
+        return basis_of(self.directions, self.free)
 
     @cached_property
     def basis(self) -> sp.csr_array:
         """The matrix P, shape (nodes * c, n)."""
-        nodal = basis_of(self.directions, self.free)
-        return nodal if self.jumps is None else sp.csr_array(nodal @ self.jumps.change)
+        jumps = self.jumps
+        return self._nodal if jumps is None else sp.csr_array(self._nodal @ jumps.change[:, jumps.kept])
 
     @cached_property
     def lift(self) -> sp.csr_array | None:
         """A left inverse of P, shape (n, nodes * c); None for its transpose."""
-        return None if self.jumps is None else sp.csr_array(self.jumps.back @ basis_of(self.directions, self.free).T)
+        jumps = self.jumps
+        return None if jumps is None else sp.csr_array(jumps.back[jumps.kept] @ self._nodal.T)
 
     @cached_property
     def jumps(self) -> JumpUnknowns | None:
-        """The unknowns that are jumps between two bodies, or means beside a corner; None where there are none."""
+        """The unknowns that are jumps between two bodies, or means beside a corner, and those that links take away.
+
+        None where there are none.
+        """
+        links, (linked, node) = self.links, self._linked
         pairs = [group for group in self.groups if group.apart]
-        if not pairs:
+        if not pairs and not links:
             return None
-        nodal, components = basis_of(self.directions, self.free), self.free.shape[1]
-        trace = sp.csr_array(sp.vstack([group.points.trace for group in pairs]) @ nodal)
-        rows = np.flatnonzero(~np.concatenate([group.blocked for group in pairs]).ravel() & (np.diff(trace.indptr) > 0))
-        own = np.repeat(np.concatenate([group.points.node for group in pairs]), components)[rows]
-        return jump_unknowns(sp.csr_array(trace[rows]), own, np.flatnonzero(self.free) // components)
+        components, empty = self.free.shape[1], [linked[:0]]
+        trace = sp.csr_array(sp.vstack([*empty, *(group.points.trace for group in pairs)]) @ self._nodal)
+        blocked = np.concatenate([np.zeros((0, components), dtype=bool), *(group.blocked for group in pairs)])
+        rows = np.flatnonzero(~blocked.ravel() & (np.diff(trace.indptr) > 0))
+        own = np.repeat(np.concatenate([node[:0], *(group.points.node for group in pairs)]), components)[rows]
+        first = sp.csr_array(linked @ self._nodal)
+        both = sp.csr_array(sp.vstack([first, trace[rows]]))
+        of = np.flatnonzero(self.free) // components
+        jumps = jump_unknowns(both, np.concatenate([node, own]), of, len(node))
+        if links and (jumps is None or (jumps.vanish[np.diff(first.indptr) > 0] < 0).any()):
+            raise ProblemError(
+                f"{' and '.join(link.name for link in links)}: what is joined hangs together in a circle, so that no "
+                "side follows the other one; state slave, or leave one out"
+            )
+        return jumps
+
+    @cached_property
+    def _linked(self) -> tuple[sp.csr_array, IntArray]:
+        """The rows (k, nodes * c) of all links, and the nodes (k,) of which a value follows."""
+        size = self.free.size
+        rows = sp.csr_array(sp.vstack([sp.csr_array((0, size)), *(link.rows for link in self.links)]))
+        return rows, np.concatenate([np.zeros(0, dtype=np.int64), *(link.node for link in self.links)])
+
+    @cached_property
+    def followers(self) -> Followers | None:
+        """What follows by links; None where nothing does."""
+        if not self.links:
+            return None
+        (rows, node), jumps = self._linked, self.jumps
+        assert jumps is not None
+        able = np.flatnonzero(jumps.vanish >= 0)
+        move = sp.csr_array(self._nodal @ jumps.change[:, jumps.vanish[able]])
+        of_plates = sum(len(link.node) for link in self.links if link.of_plate)
+        return Followers(sp.csr_array(rows[able]), move, node[able], int(np.searchsorted(able, of_plates)))
 
     def matrix(self, blocks: EdgeBlocks) -> sp.csr_array:
         """The symmetric matrix (n, n) of blocks along the axes, which are used up."""
         return matrix_of(blocks, self.directions, self.free, self.jumps)
 
-    @property
+    @cached_property
     def prescribed(self) -> Array:
-        """The prescribed values u0, shape (nodes * c,)."""
-        return self.supports.value.ravel()
+        """The prescribed values u0, shape (nodes * c,), and what follows them by links."""
+        stated, followers = self.supports.value.ravel(), self.followers
+        if followers is None or self.jumps is None:
+            return stated
+        values, able = np.concatenate([link.values for link in self.links]), self.jumps.vanish >= 0
+        return np.asarray(stated - followers.move @ (followers.rows @ stated - values[able]))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """How far points of supports are from their nodes, and what is doubtful about the contact of two bodies."""
-        return (*self.supports.notes, *(sentence for group in self.groups for sentence in group.warnings))
+        said = [one.warnings for one in self.groups] + [one.notes for one in self.links]
+        return (*self.supports.notes, *(sentence for sentences in said for sentence in sentences))
 
     def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, Array, VectorLaw, float]:
         """Contact points, all or those at the nodes where the mask, shape (nodes,), holds; see :func:`join`."""
@@ -101,6 +151,7 @@ class NodalConditions:
 def nodal_conditions(problem: ContactProblem, pairs: Mapping[str, BoundaryContact] | None = None) -> NodalConditions:
     """Supports and contact at the nodes of a problem; ``pairs`` are contact points of two bodies that are known."""
     supports, known = stated_supports(problem), {} if pairs is None else pairs
+    ties = tied_nodes(problem, supports)
     if problem.kind:
         groups = contacts_of_one(problem, supports, known)
     else:
@@ -112,8 +163,11 @@ def nodal_conditions(problem: ContactProblem, pairs: Mapping[str, BoundaryContac
         if problem.quadrature is Quadrature.NODAL:
             groups = merge_corners(groups, supports, problem.contact)
         groups += area_contacts(problem, supports, groups)
+    joints = [tie.nodes for tie in ties.values()]
+    groups = without_followers(groups, [*joints, *(plate.nodes for plate in stated_plates(problem))])
     directions, free = _free_directions(supports, groups)
-    return NodalConditions(supports, groups, directions, free)
+    links = stated_links(problem, supports, ties, directions, free)
+    return NodalConditions(supports, groups, directions, free, links)
 
 
 def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple[Array, BoolArray]:

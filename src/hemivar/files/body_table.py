@@ -20,6 +20,7 @@ from hemivar.mechanics.conditions import (
     Fixed,
     Prescribed,
     Pressure,
+    RigidPlate,
     ScalarData,
     Spring,
     Support,
@@ -108,6 +109,11 @@ def read_supports(top: TomlTable, mesh: Mesh, of_one: bool) -> dict[str, Support
 
 def _support(table: TomlTable, name: str, mesh: Mesh) -> Support:
     """The support of a table of its own; at points that it does not say more of the body is clamped."""
+    if "rigid" in table.data[name]:  # type: ignore[operator]  # it is a table
+        plate = table.table(name, ("rigid", *keys_of(RigidPlate)), inline=True)
+        if plate.data["rigid"] is not True:
+            raise plate.error("rigid", "is true of a plate; remove it of other supports")
+        return RigidPlate(**decode(RigidPlate, plate, mesh.dim))
     forms: dict[type[Fixed | Prescribed | Spring], tuple[str, ...]] = {
         Fixed: VARIABLES[: mesh.dim], Prescribed: ("displacement",), Spring: ("normal", "tangential", "direction"),
     }  # fmt: skip
@@ -143,6 +149,8 @@ def named_supports_record(supports: Mapping[str, object]) -> dict[str, object]:
 
     def record(name: str, support: Support) -> object:
         whole = getattr(support, "at", None) is None
+        if isinstance(support, RigidPlate):
+            return {"rigid": True} | encode(support, f"supports['{name}']")
         return (whole and words.get(type(support))) or encode(support, f"supports['{name}']")
 
     return {name: record(name, support) for name, support in supports.items()}  # type: ignore[arg-type]

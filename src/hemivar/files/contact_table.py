@@ -19,7 +19,7 @@ from hemivar.files.schema import check_named, decode, encode, encode_arguments, 
 from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.formula import Formula
 from hemivar.formula.formula import ScalarFormula
-from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential, VectorLaw
+from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential, Tie, VectorLaw
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.memory import Memory
 from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
@@ -93,7 +93,9 @@ class _Reader:
     def contact(self, table: TomlTable) -> Contact:
         if "normal" not in table:
             raise table.error("normal", f"is missing; name a normal law ({', '.join(NORMAL_LAWS)})")
-        normal, friction = self.law(table, "normal", _LAWS), self.law(table, "friction", FRICTION_LAWS)
+        ties = table.data["normal"] == Tie.name
+        normal = Tie() if ties else self.law(table, "normal", _LAWS)
+        friction = self.law(table, "friction", FRICTION_LAWS)
         assert isinstance(normal, Superpotential | VectorLaw)
         assert isinstance(friction, Friction)
         moved = decode(Contact, table, self.dim)
@@ -239,7 +241,7 @@ class SideFiles:
 def contact_records(problem: ContactProblem, aside: SideFiles) -> dict[str, object]:
     """The tables [contact] and [area] of a problem."""
     record = _record_of_one if problem.kind else _contact_record
-    records = {name: record(name, contact, aside) for name, contact in problem.contact.items()}
+    records = {name: record(name, contact, aside) for name, contact in {**problem.contact, **problem.ties}.items()}
     area = {name: records.pop(name) for name in problem.areas}
     return {"contact": records, "area": area.get(AREA, area)}
 
@@ -256,7 +258,8 @@ def _record_of_one(name: str, contact: Contact, aside: SideFiles) -> dict[str, o
 def _contact_record(name: str, contact: Contact, aside: SideFiles) -> dict[str, object]:
     """The table [contact.NAME] of a contact."""
     where = f"contact['{name}']"
-    record: dict[str, object] = {"normal": _law_record(contact.normal, f"{where}.normal", name, aside, _LAWS)}
+    normal = Tie.name if contact.ties else _law_record(contact.normal, f"{where}.normal", name, aside, _LAWS)
+    record: dict[str, object] = {"normal": normal}
     if not _is_none(contact.friction):
         record["friction"] = _friction_record(contact.friction, f"{where}.friction", name, aside)
     if contact.obstacle is not None:

@@ -57,6 +57,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     ``-sum_j w_j (lam_nu nu + lam_tau)`` with the multiplier lam; null where the problem has no frames.  ``boundaries``
     holds for each contact boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the
     force of each support on the body, by name, null where it is not known (:func:`.support_reactions`).
+    Where there are rigid plates, ``plates`` holds by name how each moves, and its force and moment.
     Where bodies touch each other, ``contact_forces`` holds the force on each side by name.
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
@@ -120,6 +121,7 @@ def result_record(solution: Solution, certificate: Certificate | None = None) ->
         "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
         **({"contact_forces": dict(solution.contact_forces)} if problem.contact.pairs else {}),
         "reactions": _reactions(solution),
+        **_plates(solution),
         "contact": _contact_record(solution),
     }
     if certificate is not None:
@@ -137,6 +139,14 @@ def _reactions(solution: Solution) -> dict[str, Array] | None:
         return dict(solution.reactions)
     except ProblemError:
         return None
+
+
+def _plates(solution: Solution) -> Record:
+    """How rigid plates move, where there are some and it is known."""
+    try:
+        return {"plates": {name: dict(plate) for name, plate in solution.plates.items()}} if solution.plates else {}
+    except ProblemError:
+        return {}
 
 
 def _contact_record(solution: Solution) -> Record:

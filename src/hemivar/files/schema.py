@@ -18,7 +18,7 @@ from hemivar.basics.stated import Argument, Form, Stated, stated_fields
 from hemivar.files.not_expressible import not_expressible
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import TomlTable, array, kind
-from hemivar.formula import Formula
+from hemivar.formula import Formula, FormulaArray
 from hemivar.mechanics.gradient_energy import GradientEnergy
 from hemivar.mesh import Mesh
 
@@ -193,7 +193,7 @@ def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> obje
             if not isinstance(value, list) or not value:
                 raise table.error(key, f"must be a list of numbers, not {kind(value)}")
             return [table.number(key, number) for number in value]
-        case Form.VECTOR:
+        case Form.VECTOR | Form.TORQUE if stated.form is Form.VECTOR or dim == 3:
             return table.vector(key, value, dim, timed=stated.timed)
         case Form.TENSOR if isinstance(value, list):
             what = f"a number, a formula, or {dim} lists of {dim} of these"
@@ -265,8 +265,9 @@ def written(value: object, form: Form, where: str) -> object:
             return [quantity_record(entry, where) for entry in value]  # type: ignore[attr-defined]
         case Form.QUANTITY:
             return quantity_record(value, where)
-        case Form.VECTOR | Form.POINT:
-            return entries_record(value, where)
+        case Form.VECTOR | Form.POINT | Form.TORQUE:
+            vector = form is not Form.TORQUE or np.ndim(value) or isinstance(value, FormulaArray)  # type: ignore[arg-type]
+            return entries_record(value, where) if vector else quantity_record(value, where)
         case Form.TEXT | Form.FILE:
             return str(value)
         case Form.NUMBER:

@@ -73,6 +73,7 @@ from hemivar.laws.normal import (
     Signorini,
     Softening,
     ThresholdCompliance,
+    Tie,
 )
 from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
@@ -138,6 +139,7 @@ __all__ = [
     "StaticKinetic",
     "Superpotential",
     "ThresholdCompliance",
+    "Tie",
     "TrapezoidalCohesion",
     "Tresca",
     "VectorLaw",

@@ -1,6 +1,6 @@
 """The statement: bodies, materials, supports, loads, obstacles and foundations."""
 
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Spring, Traction
+from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, RigidPlate, Roller, Spring, Traction
 from hemivar.mechanics.foundation import Contact
 from hemivar.mechanics.gradient_energy import PowerLaw, SaturatingFlux
 from hemivar.mechanics.load_steps import Step
@@ -33,6 +33,7 @@ __all__ = [
     "Prescribed",
     "Pressure",
     "Quadrature",
+    "RigidPlate",
     "Roller",
     "SaturatingFlux",
     "ScalarContact",

@@ -25,6 +25,7 @@ __all__ = [
     "Fixed",
     "Prescribed",
     "Pressure",
+    "RigidPlate",
     "Roller",
     "ScalarData",
     "Spring",
@@ -102,8 +103,17 @@ def _points(value: object, name: str) -> tuple[tuple[float, ...], ...]:
 _AT = stated(Form.POINTS) | kept(_points)
 
 
-@dataclass(frozen=True)
-class Clamped(CheckedFields):
+class _Support(CheckedFields, PickleMixin):
+    """A support, shown by what is given of it."""
+
+    def __repr__(self) -> str:
+        given = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        shown = (f"{name}={value!r}" for name, value in given.items() if value is not None)
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+@dataclass(frozen=True, repr=False)
+class Clamped(_Support):
     """No displacement: ``u = 0``.
 
     Attributes
@@ -139,8 +149,8 @@ class Roller:
 _COMPONENT = stated(Form.QUANTITY, timed=True) | kept(plain_data, 1, LARGEST, shown="Fixed({}=...)")
 
 
-@dataclass(frozen=True)
-class Fixed(CheckedFields, PickleMixin):
+@dataclass(frozen=True, repr=False)
+class Fixed(_Support):
     """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
 
     Attributes
@@ -155,7 +165,7 @@ class Fixed(CheckedFields, PickleMixin):
     --------
     >>> import hemivar as hv
     >>> hv.Fixed(y="-0.1*t")  # x is free
-    Fixed(x=None, y=Formula(text='-0.1*t', where='Fixed(y=...)', minimum=None), z=None, at=None)
+    Fixed(y=Formula(text='-0.1*t', where='Fixed(y=...)', minimum=None))
     """
 
     x: ScalarData | None = field(default=None, metadata=_COMPONENT)
@@ -169,8 +179,8 @@ class Fixed(CheckedFields, PickleMixin):
         super().__post_init__()
 
 
-@dataclass(frozen=True)
-class Prescribed(CheckedFields, PickleMixin):
+@dataclass(frozen=True, repr=False)
+class Prescribed(_Support):
     """Prescribed displacement ``u = value``.
 
     Attributes
@@ -185,7 +195,7 @@ class Prescribed(CheckedFields, PickleMixin):
     --------
     >>> import hemivar as hv
     >>> hv.Prescribed((0.0, -0.1))
-    Prescribed(value=(0.0, -0.1), at=None)
+    Prescribed(value=(0.0, -0.1))
     """
 
     value: VectorData = field(
@@ -211,6 +221,13 @@ def _stiffness(value: object, name: str) -> ScalarData:
     return stiffness
 
 
+def _point(value: object, name: str) -> tuple[float, ...]:
+    point = check_finite(value, name)
+    if point.shape not in ((2,), (3,)):
+        raise ProblemError(f"{name} has shape {point.shape}; give a point, such as (0.0, 1.0)")
+    return tuple(point.tolist())
+
+
 def _direction(value: object, name: str) -> tuple[float, ...]:
     vector = check_finite(value, name)
     if vector.shape not in ((2,), (3,)) or not vector.any():
@@ -221,8 +238,8 @@ def _direction(value: object, name: str) -> tuple[float, ...]:
 _STIFFNESS = stated(Form.QUANTITY, least=0.0) | kept(_stiffness, shown="Spring({}=...)")
 
 
-@dataclass(frozen=True)
-class Spring(CheckedFields, PickleMixin):
+@dataclass(frozen=True, repr=False)
+class Spring(_Support):
     """Linear springs between a boundary and the ground, which push and pull: ``-normal u_nu nu - tangential u_tau``.
 
     They are part of the stiffness of the body and hold it.
@@ -262,6 +279,76 @@ class Spring(CheckedFields, PickleMixin):
             )
 
 
+_PUSH = kept(plain_data, None, LARGEST, shown="RigidPlate({}=...)")
+_MOTION = stated(Form.QUANTITY, timed=True) | kept(plain_data, 1, LARGEST, shown="RigidPlate({}=...)")
+
+
+@dataclass(frozen=True, repr=False)
+class RigidPlate(_Support):
+    """A boundary that moves as a rigid body: displaced at ``about`` and turned by small angles, under a stated force.
+
+    Attributes
+    ----------
+    force : vector, shape (d,), or 0
+        Total force on the plate; of a body of revolution that on the whole ring.
+    moment : number, in space vector, shape (3,)
+        Total moment about the same point.
+    about : point, shape (d,), optional
+        The point that ``force``, ``moment`` and the motions are of; by default the middle of the boundary.
+    x, y, z : number, optional
+        Prescribed displacements of that point; None leaves one free.
+    turn_x, turn_y, turn_z : number, optional
+        Prescribed angles about axes through it, in radians; in the plane ``turn_z``, counterclockwise.
+
+    Everything but ``about`` may depend on time, ``"-2*t"``.  A body of revolution moves along its axis only.
+
+    Examples
+    --------
+    >>> import hemivar as hv
+    >>> supports = {"top": hv.mechanics.RigidPlate(force=(0.0, -5.0), about=(0.5, 1.0))}
+    >>> supports = {"top": hv.mechanics.RigidPlate(y=-0.1, turn_z=0.0)}  # slides freely along x
+    """
+
+    force: VectorData | float = field(default=0.0, metadata=stated(Form.VECTOR, timed=True) | _PUSH)
+    moment: VectorData | ScalarData = field(default=0.0, metadata=stated(Form.TORQUE, timed=True) | _PUSH)
+    about: Sequence[float] | None = field(
+        default=None, metadata=stated(Form.POINT) | kept(_point, shown="RigidPlate({}=...)")
+    )
+    x: ScalarData | None = field(default=None, metadata=_MOTION)
+    y: ScalarData | None = field(default=None, metadata=_MOTION)
+    z: ScalarData | None = field(default=None, metadata=_MOTION)
+    turn_x: ScalarData | None = field(default=None, metadata=_MOTION)
+    turn_y: ScalarData | None = field(default=None, metadata=_MOTION)
+    turn_z: ScalarData | None = field(default=None, metadata=_MOTION)
+
+    @property
+    def loads(self) -> dict[str, object]:
+        """Force and moment."""
+        return {"force": self.force, "moment": self.moment}
+
+    @property
+    def motions(self) -> dict[str, ScalarData]:
+        """What is prescribed, by name."""
+        given = {name: getattr(self, name) for name in ("x", "y", "z", "turn_x", "turn_y", "turn_z")}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def refuse_shape(self, name: str, dim: int, ring: bool) -> None:
+        """Refuse vectors of other components, and motions that a body does not have."""
+        able = ("y",) if ring else ("x", "y", "turn_z") if dim == 2 else ("x", "y", "z", "turn_x", "turn_y", "turn_z")
+        for motion in self.motions:
+            if motion not in able:
+                raise ProblemError(
+                    f"{name} prescribes {motion}, which such a body does not have; give {', '.join(able)}"
+                )
+        about = () if self.about is None else self.about
+        if len(about) not in (0, dim):
+            raise ProblemError(f"{name}: about has {len(about)} coordinates, the mesh has {dim}")
+        for what, value, count in (("force", self.force, dim), ("moment", self.moment, 1 if dim == 2 else 3)):
+            shape = np.shape(value) if not callable(value) else (count,)  # type: ignore[arg-type]
+            if shape not in ((count,), ()) or (shape == () and count > 1 and value != 0.0):
+                raise ProblemError(f"{name}: {what} has shape {shape}; it needs {count} component{'s' * (count > 1)}")
+
+
 @dataclass(frozen=True)
 class Pressure(CheckedFields, PickleMixin):
     """Traction ``-value nu``: a positive pressure pushes into the body.
@@ -289,7 +376,7 @@ class Pressure(CheckedFields, PickleMixin):
 #: A support, a pressure or a traction.
 Condition = TypeVar("Condition")
 
-Support = Clamped | Roller | Fixed | Prescribed | Spring
+Support = Clamped | Roller | Fixed | Prescribed | Spring | RigidPlate
 #: Supports by the words for them, in ``ContactProblem(supports={"left": "clamped"})`` as in files.
 SUPPORTS: Mapping[str, Support] = MappingProxyType({"clamped": Clamped(), "roller": Roller()})
 Traction = VectorData | Pressure
@@ -360,6 +447,8 @@ def stated_values(condition: Support | Traction | ScalarData) -> dict[str, Vecto
     """What a support, a pressure or a traction prescribes, by the names of its fields; "" for plain data."""
     if isinstance(condition, Spring):
         return {}
+    if isinstance(condition, RigidPlate):
+        return {**condition.motions}
     if not isinstance(condition, Clamped | Roller | Fixed | Prescribed | Pressure):
         return {"": condition}
     values = {part.name: getattr(condition, part.name) for part in fields(condition) if part.name != "at"}
@@ -375,6 +464,9 @@ def at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:
         x, y, z = (None if value is None else 0.0 for value in values)
         moves = any(callable(value) or (value is not None and np.any(value)) for value in values)
         return replace(support, x=x, y=y, z=z) if moves else support
+    if isinstance(support, RigidPlate):
+        moves = any(callable(value) or value for value in support.motions.values())
+        return replace(support, **dict.fromkeys(support.motions, 0.0)) if moves else support  # type: ignore[arg-type]
     if isinstance(support, Clamped | Roller | Spring):
         return support
     return 0.0 if callable(support) or support else support
@@ -382,7 +474,8 @@ def at_rest(support: Support | ScalarData, dim: int) -> Support | ScalarData:
 
 def condition_at_time(condition: Condition, t: float) -> Condition:
     """A support, a pressure or a traction at a time; itself if it does not depend on time."""
-    changed = {name: at_time(one, t) for name, one in stated_values(condition).items() if depends_on_time(one)}  # type: ignore[arg-type]
+    values = stated_values(condition) | (condition.loads if isinstance(condition, RigidPlate) else {})  # type: ignore[arg-type]
+    changed = {name: at_time(one, t) for name, one in values.items() if depends_on_time(one)}
     if "" in changed:
         return cast(Condition, changed[""])
     return replace(condition, **changed) if changed else condition  # type: ignore[type-var]

@@ -23,6 +23,7 @@ from hemivar.laws import (
     OrthotropicFriction,
     OrthotropicLaw,
     Superpotential,
+    Tie,
     VectorLaw,
 )
 from hemivar.laws.friction.bounds import StateBound
@@ -174,6 +175,7 @@ class Contact(CheckedFields, PickleMixin):
             raise ProblemError(f"belt = {v:g} has no direction; give a vector, such as belt=({v:g}, 0.0)")
         self._check_obstacle()
         self._check_pair()
+        self._check_tie()
 
     def refuse_directions(self) -> None:
         """Refuse what is there in several components only.
@@ -293,6 +295,21 @@ class Contact(CheckedFields, PickleMixin):
             )
         given = Normals.OBSTACLE if self.normals is None else self.normals
         object.__setattr__(self, "normals", one_of(given, "normals", Normals, "Normals.OBSTACLE or Normals.BODY"))
+
+    @property
+    def ties(self) -> bool:
+        """Whether it joins two bodies for good."""
+        return isinstance(self.normal, Tie)
+
+    def _check_tie(self) -> None:
+        more = {
+            "against, the boundary that it is joined to": not self.against,
+            "no friction": self.friction.acts,
+            "no gap": callable(self.gap) or self.gap != 0.0,
+            "no damping and no memory": self.damping is not None or bool(self.memory),
+        }
+        for what in (what for what, wrong in more.items() if self.ties and wrong):
+            raise ProblemError(f"a tie takes {what}: Contact(Tie(), against='lower:top')")
 
     def _check_pair(self) -> None:
         if not self.against:

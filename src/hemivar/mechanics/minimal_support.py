@@ -22,7 +22,7 @@ def minimal_support(mesh: Mesh, *, axisymmetric: bool = False) -> dict[str, Fixe
 
     >>> import hemivar as hv
     >>> hv.mechanics.minimal_support(hv.rectangle((2.0, 1.0), 4))["minimal 2"]
-    Fixed(x=None, y=0.0, z=None, at=((2.0, 1.0),))
+    Fixed(y=0.0, at=((2.0, 1.0),))
 
     Parameters
     ----------

@@ -28,6 +28,7 @@ from hemivar.mechanics.conditions import (
     Fixed,
     Prescribed,
     Pressure,
+    RigidPlate,
     Roller,
     ScalarData,
     Spring,
@@ -116,10 +117,10 @@ class ContactProblem(PickleMixin, ReprMixin):
         By boundary, or by region for contact over an area; :data:`AREA` is the whole mesh. Over an area of a plane
         body, such as a sheet that lies on a table, friction acts on the whole displacement.
     supports : mapping of boundary name to Support
-        :class:`Clamped`, :class:`Roller`, :class:`Fixed`, :class:`Prescribed` or :class:`Spring`; ``"clamped"`` and
-        ``"roller"`` are turned into the first two.  Sets of nodes of the mesh may be named as well, and points, by any
-        name, ``hv.Clamped(at=(0.0, 0.0))``.  Of one component a number or a callable that returns shape (k,), as the
-        loads are.
+        :class:`Clamped`, :class:`Roller`, :class:`Fixed`, :class:`Prescribed`, :class:`Spring` or
+        :class:`RigidPlate`; ``"clamped"`` and ``"roller"`` are turned into the first two.  Sets of nodes of the mesh
+        may be named as well, and points, by any name, ``hv.Clamped(at=(0.0, 0.0))``.  Of one component a number or a
+        callable that returns shape (k,), as the loads are.
     body_force : vector, shape (d,), or callable
         Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
     tractions : mapping of boundary name to vector, callable or Pressure
@@ -155,6 +156,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         Load steps: a sequence of static problems, each of which begins with the friction history of the one before.
         The problem then depends on time, which counts the steps: step k ends at t = k. :class:`hemivar.Evolution` goes
         through them.
+    ties : mapping of boundary name to Contact
+        The contacts with :class:`~hemivar.laws.Tie`: bodies joined for good, along which nothing touches.  State them
+        in ``contact``, from where they are put here.
 
     Raises
     ------
@@ -273,11 +277,14 @@ class ContactProblem(PickleMixin, ReprMixin):
     )  # fmt: skip
     steps: Sequence[Step] = ()
 
+    ties: Mapping[str, Contact] = field(default_factory=dict)
+
     def __post_init__(self) -> None:
         self._check_frame()
         for name in ("supports", "tractions"):
             self._check_boundaries(name)
         self._check_contacts()
+        self._put_ties_aside()
         self._check_values()
         self._check_overlaps()
         self._check_steps()
@@ -289,6 +296,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         for name, contact in self.contact.items():
             law = contact.friction if self.kind and contact.rubs else contact.law
             parts.append(f"contact {'over' if name in self.areas else 'on'} {name}: {law.name}")
+        parts += [f"tie of {name} and {one.against}" for name, one in self.ties.items()]
         for name, support in self.supports.items():
             parts.append(f"{'held' if self.kind else type(support).__name__} on {name}")
         parts += [f"{len(self.steps)} load steps"] if self.steps else []
@@ -342,11 +350,11 @@ class ContactProblem(PickleMixin, ReprMixin):
 
     @property
     def held_boundaries(self) -> Mapping[str, Support | ScalarData]:
-        """The supports that fix displacements of whole boundaries: no springs, and none of points or sets of nodes."""
+        """The supports that fix displacements of boundaries: none of points, no springs, no plates."""
         return {
             name: support
             for name, support in self.supports.items()
-            if name in self.mesh.boundaries and not isinstance(support, Spring)
+            if name in self.mesh.boundaries and not isinstance(support, Spring | RigidPlate)
         }
 
     @cached_property
@@ -370,7 +378,9 @@ class ContactProblem(PickleMixin, ReprMixin):
         parts = {part for contact in self.contact.values() for part in contact.time_dependent}
         loads = (self.body_force, *chain(*(stated_values(one).values() for one in self.tractions.values())))
         prescribed = chain(*(stated_values(one).values() for one in self.supports.values()))
-        parts |= {"load"} if self.initially_changing or any(map(depends_on_time, loads)) else set()
+        pushed = chain(*(one.loads.values() for one in self.supports.values() if isinstance(one, RigidPlate)))
+        changing = self.initially_changing or any(map(depends_on_time, chain(loads, pushed)))
+        parts |= {"load"} if changing else set()
         return frozenset(parts | ({"supports"} if any(map(depends_on_time, prescribed)) else set()))
 
     @property
@@ -544,6 +554,29 @@ class ContactProblem(PickleMixin, ReprMixin):
                 "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
             )
 
+    def _put_ties_aside(self) -> None:
+        """Keep ties apart from what touches."""
+        self._check_mapping("ties")
+        ties = {name: one for name, one in self.contact.items() if one.ties} | dict(self.ties)
+        rest = {name: one for name, one in self.contact.items() if not one.ties}
+        for name, one in ties.items():
+            self._check_contact(name, one)
+            if not one.ties or self.kind:
+                what = "bodies" if self.kind else f"Contact(Tie(), against=...), not {described(one)},"
+                raise ProblemError(f"ties['{name}']: a tie is of {what}; leave it out")
+        object.__setattr__(self, "contact", MappingProxyType(rest))
+        object.__setattr__(self, "ties", MappingProxyType(ties))
+
+    @property
+    def tied(self) -> ContactProblem:
+        """The same statement with its ties as contacts, and no others."""
+        problem = copy.copy(self)
+        for name, value in (("contact", self.ties), ("ties", MappingProxyType({}))):
+            object.__setattr__(problem, name, value)
+        for known in ("areas", "time_dependent", "_pairs"):
+            problem.__dict__.pop(known, None)
+        return problem
+
     def _check_contact(self, name: str, contact: object) -> None:
         on_boundary = name in self.mesh.boundaries
         in_region = name == AREA or name in self.mesh.regions
@@ -625,6 +658,8 @@ class ContactProblem(PickleMixin, ReprMixin):
             )
         if isinstance(support, Prescribed):
             support.refuse_shape(name, self.mesh.dim)
+        if isinstance(support, RigidPlate):
+            support.refuse_shape(name, self.mesh.dim, self.kinematics.ring)
         if isinstance(support, Spring) and support.direction is not None and len(support.direction) != self.mesh.dim:
             raise ProblemError(
                 f"{name} has a direction of {len(support.direction)} numbers; on this mesh it needs {self.mesh.dim}"
@@ -639,7 +674,7 @@ class ContactProblem(PickleMixin, ReprMixin):
         for boundary, one in getattr(self, name).items():
             if getattr(one, "at", None) is not None and name == "supports":
                 self._check_points(boundary, np.array(one.at))
-            elif name == "tractions" or boundary not in self.mesh.node_sets or isinstance(one, Roller | Spring):
+            elif name == "tractions" or boundary not in self.mesh.node_sets or isinstance(one, Roller | RigidPlate):
                 self._check_name(name, boundary, "boundary", "boundaries")
 
     def _check_points(self, name: str, at: Array) -> None:
@@ -755,13 +790,15 @@ class ContactProblem(PickleMixin, ReprMixin):
     def _check_overlaps(self) -> None:
         """Refuse facets of two foundations, and of one where a support holds everything."""
         on_boundaries = [name for name in self.contact if name not in self.areas]
-        used = [*{*on_boundaries, *self.held_boundaries}]
+        plates = {name: one for name, one in self.supports.items() if isinstance(one, RigidPlate)}
+        holding = {**self.held_boundaries, **plates}
+        used = [*{*on_boundaries, *self.ties, *holding}]
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
             name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
         }
-        names = on_boundaries
+        names = [*on_boundaries, *self.ties]
         for i, first in enumerate(names):
             for second in names[i + 1 :]:
                 shared = int(np.isin(keys[first], keys[second]).sum())
@@ -770,10 +807,11 @@ class ContactProblem(PickleMixin, ReprMixin):
                         f"contact boundaries '{first}' and '{second}' share {shared} facets; a facet can "
                         f"touch one foundation only: separate them"
                     )
-            for other, support in self.held_boundaries.items():
+            for other, support in holding.items():
                 shared = int(np.isin(keys[first], keys[other]).sum())
                 if shared and not isinstance(support, Roller | Fixed):
                     how = "clamped" if isinstance(support, Clamped) else f"constrained by a prescribed {self.unknown}"
+                    how = "a rigid plate" if other in plates else how
                     raise ProblemError(
                         f"contact boundary '{first}' is {how} (support '{other}', {shared} common facets), so no "
                         "contact can happen there; remove one of the two"

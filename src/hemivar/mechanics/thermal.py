@@ -373,6 +373,10 @@ class Heat(PickleMixin):
             raise ProblemError(
                 "plane = 'axisymmetric' has no heat; leave heat out, or model a quarter of the body in 3D"
             )
+        for name in problem.ties:
+            raise ProblemError(
+                f"tie '{name}' joins displacements only, and no heat passes it; mesh the two as one body"
+            )
         for name in self.contact:
             if name not in mesh.boundaries:
                 near = suggest(str(name), list(mesh.boundaries), "boundaries")

@@ -216,6 +216,8 @@ def _check_suited(problem: ContactProblem) -> None:
         raise MethodError("the engine 'petsc' has no initial stress or strain; leave --engine out")
     if len(problem.held_boundaries) < len(problem.supports):
         raise MethodError("the engine 'petsc' has neither springs nor supports of points; leave --engine out")
+    if problem.ties:
+        raise MethodError("the engine 'petsc' has no ties; leave --engine out")
     if problem.kinematics.ring:
         raise MethodError("the engine 'petsc' has no bodies of revolution; leave --engine out")
     for name, contact in problem.contact.items():

@@ -276,8 +276,8 @@ def _moved(
     stated: ContactProblem, at_start: Callable[[Mesh], ContactProblem], skin: Mesh, owned: BoolArray
 ) -> tuple[IntArray, IntArray]:
     """Components of this rank's nodes that supports may move, by their places among these nodes and in ``skin``."""
-    supports = nodal_conditions(_present(at_start(skin))).supports
-    every = moved_components(stated, supports)
+    conditions = nodal_conditions(_present(at_start(skin)))
+    every = moved_components(stated, conditions)
     dim = skin.dim
     seen = every[owned[every // dim]]
     number = np.cumsum(owned) - 1

@@ -26,7 +26,7 @@ from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.fem.contact_basis import nodal_depths
 from hemivar.fem.fields import strain, stress, von_mises
-from hemivar.fem.reactions import support_reactions
+from hemivar.fem.reactions import plate_motions, support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of, slid_beyond
 from hemivar.fem.stress_stiffness import stiffens, works_of_stress
 from hemivar.laws.vector_law import splits
@@ -322,6 +322,12 @@ class Solution(ContactValues, PickleMixin, ReprMixin):
             The problem was made of arrays, or its load is not the one that was stated.
         """
         return MappingProxyType(support_reactions(self.problem, self.displacement, self.multiplier))
+
+    @cached_property
+    def plates(self) -> Mapping[str, Mapping[str, float]]:
+        """Motions of the rigid plates, and force and moment with which they act on the body; see
+        :func:`.plate_motions`."""
+        return MappingProxyType(plate_motions(self.problem, self.displacement, self.multiplier))
 
     @cached_property
     def contact_table(self) -> NDArray[np.void]:

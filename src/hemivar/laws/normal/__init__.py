@@ -10,6 +10,7 @@ from hemivar.laws.normal.monotone import (
     NoContact,
     Signorini,
     ThresholdCompliance,
+    Tie,
 )
 
 __all__ = [
@@ -26,4 +27,5 @@ __all__ = [
     "Signorini",
     "Softening",
     "ThresholdCompliance",
+    "Tie",
 ]

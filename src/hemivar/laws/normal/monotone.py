@@ -14,7 +14,7 @@ from hemivar.laws.parameters import LENGTH, PRESSURE, RATE, parameter, positive
 from hemivar.laws.parametrised import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
-__all__ = ["Bilateral", "Compliance", "FinitePenetration", "NoContact", "Signorini", "ThresholdCompliance"]
+__all__ = ["Bilateral", "Compliance", "FinitePenetration", "NoContact", "Signorini", "ThresholdCompliance", "Tie"]
 
 #: One knot at zero without a jump, and two pieces without a slope.
 _ZERO = np.zeros((1, 1))
@@ -96,6 +96,19 @@ class Bilateral(NamedLaw):
 
     def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
         return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, lower=0.0, upper=0.0, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Tie(Bilateral):
+    """Two bodies are joined for good: no jump between them in any direction, whatever gap their meshes leave.
+
+    It is no law of contact points: the displacement of one side follows that of the other one.
+
+    >>> import hemivar as hv
+    >>> joint = hv.Contact(hv.laws.Tie(), against="lower:top")
+    """
+
+    name: ClassVar[str] = "tie"  # type: ignore[misc]
 
 
 @named(
