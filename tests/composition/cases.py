@@ -102,7 +102,7 @@ NORMALS: dict[str, Superpotential | VectorLaw] = {
 #: Laws and memories by name that another family stands for.
 LIKE = {
     "survey": "compliance", "capped": "saw-tooth", "layered": "saw-tooth", "pressure-table": "table",
-    "bonding": "bond", "rate-and-state": "slip sum",
+    "bolt": "bilateral", "bonding": "bond", "rate-and-state": "slip sum",
 }  # fmt: skip
 
 
