@@ -122,8 +122,9 @@ def test_a_stress_around_the_axis_opens_a_tube_as_in_closed_form() -> None:
 def test_a_number_is_a_tensor_of_space_in_the_plane() -> None:
     for name in ("initial_stress", "initial_strain"):
         for plane in ("strain", "stress"):
-            number = hv.solve(half(2, plane, **{name: 1e-3}))
-            tensor = hv.solve(half(2, plane, **{name: 1e-3 * np.eye(3)}))
+            one: dict[str, Any] = {name: 1e-3}
+            other: dict[str, Any] = {name: 1e-3 * np.eye(3)}
+            number, tensor = hv.solve(half(2, plane, **one)), hv.solve(half(2, plane, **other))
             assert np.abs(number.displacement - tensor.displacement).max() <= 1e-14 * np.abs(number.displacement).max()
             np.testing.assert_allclose(number.von_mises(), tensor.von_mises(), rtol=1e-12, atol=1e-12)
 

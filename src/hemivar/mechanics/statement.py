@@ -148,6 +148,9 @@ class ContactProblem(PickleMixin, ReprMixin):
     initial_strain : float, array, callable or mapping of region to these
         Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
         Linear materials.
+    initial_scaled : bool
+        Whether initial stress and strain grow with the load factor on a load path, as the misfit of a body that is
+        warmed; by default they have their full size from the start on, as what is in a rock.
     steps : sequence of Step
         Load steps: a sequence of static problems, each of which begins with the friction history of the one before.
         The problem then depends on time, which counts the steps: step k ends at t = k. :class:`hemivar.Evolution` goes
@@ -266,6 +269,13 @@ class ContactProblem(PickleMixin, ReprMixin):
             Form.STRESS,
             "strain of the body without stress, such as `alpha dT` of heat: as `stress`, of linear materials *(f, t)*",
             key="strain", timed=True, by="region", table="loads",
+        ),
+    )  # fmt: skip
+    initial_scaled: bool = field(
+        default=False,
+        metadata=stated(
+            Form.FLAG, "`true`: on a load path initial stress and strain grow with the load factor", key="scaled",
+            table="loads",
         ),
     )  # fmt: skip
     steps: Sequence[Step] = ()
@@ -580,6 +590,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             "bedding": checked_quantity(self.bedding, "bedding"),
         }.items():
             object.__setattr__(self, name, value)
+        expect(self.initial_scaled, bool, "initial_scaled", "give True or False")
         for name in INITIAL:
             object.__setattr__(self, name, checked_field(getattr(self, name), name, self.mesh, self.kinematics.ring))
         if self.initially_stressed and (self.kind or self.stiffening):
