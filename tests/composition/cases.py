@@ -348,6 +348,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "space": _space,
     "quadratic tetrahedra": partial(_space, order=2),
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
+    "stressed": lambda contact, up: _plane(contact, up, initial_stress=np.diag([0.4, 0.2]), initial_strain="1e-3*x"),
     "resting": _resting,
     "pair": _pair,
     "glued inside": _glued,

@@ -64,8 +64,8 @@ _NO_PATH = (
     "that does not depend on the solution."
 )
 _NO_BOUND = (
-    "The distance to the exact solution is bounded for elastic bodies, without bedding, and for one component on "
-    "supports; adaptive solves are for bodies."
+    "The distance to the exact solution is bounded for elastic bodies, without bedding and initial stress, and for one "
+    "component on supports; adaptive solves are for bodies."
 )
 _NO_BOUND_REVOLVED = "Bodies of revolution have no bound of the distance to the exact solution and no adaptive solve."
 _NO_BOUND_QUADRATIC = "In space the distance to the exact solution is bounded for linear elements only."
@@ -105,6 +105,7 @@ RULES = (
     Rule("drops discontinuously", _NO_PATH, ("path",), ("space", "quadratic tetrahedra", "nonlinear"), ("saw-tooth",)),
     Rule("drops discontinuously", _NO_PATH, ("path",), normal=("saw-tooth",), friction=("coulomb", "bound")),
     Rule("bodies without bedding", _NO_BOUND, _BOUNDS, ("bedded",)),
+    Rule("bodies without initial stress", _NO_BOUND, _BOUNDS, ("stressed",)),
     Rule("use order = 1", _NO_BOUND_QUADRATIC, _BOUNDS, ("quadratic tetrahedra",)),
     Rule(
         "not available with stress stiffening",
