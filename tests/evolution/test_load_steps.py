@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -158,6 +159,17 @@ def test_steps_may_begin_with_an_interference_fit() -> None:
     history = hv.march(hv.Evolution(problem))
     assert history["normal_force"] == pytest.approx([0.1, 0.05], rel=1e-9)
     assert np.isfinite([row.values["elastic"] for row in history.rows]).all()
+
+
+def test_a_march_through_steps_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+    evolution = hv.Evolution(sheet(20))
+    kept = tmp_path / "steps.ckpt"
+    first = hv.march(evolution, 2.0, checkpoint=kept)
+    assert first.times.tolist() == [1.0, 2.0]
+    rest = hv.march(evolution, checkpoint=kept, resume=True)
+    whole = hv.march(evolution)
+    assert rest.times.tolist() == [1.0, 2.0, 3.0]
+    assert np.array_equal(rest.frames[-1].displacement, whole.frames[-1].displacement)
 
 
 def test_a_problem_with_steps_is_pickled_and_put_on_another_mesh() -> None:

@@ -162,9 +162,8 @@ class March:
         """The plan for an evolution: one increment for each of its load steps where no length is given."""
         if not stated.steps:
             return self
-        ends = tuple(float(number) for number in range(2, len(stated.steps)))
         step = FixedStep(1.0) if self.step is None else self.step
-        return replace(self, step=step, stops=(*self.stops, *(end for end in ends if end < self.until)))
+        return replace(self, step=step, stops=(*self.stops, *map(float, range(2, len(stated.steps)))))
 
     def stepping(self, span: float) -> StepSizeController:
         """The control of steps of an evolution that lasts ``span``."""
