@@ -239,5 +239,7 @@ def test_what_has_no_steps_refuses_them_before_any_work() -> None:
         hv.march(hv.Evolution(problem), 4.0)
     with pytest.raises(ProblemError, match="until is missing"):
         hv.march(hv.Evolution(sheet(4, steps=())))
+    with pytest.raises(ProblemError, match="steps of the scheme midpoint end in none; take implicit-euler"):
+        hv.march(hv.Evolution(problem), scheme="midpoint")
     with pytest.raises(ProblemError, match="control finds the load, and load steps state it"):
         hv.march(hv.Evolution(problem), control="dissipation")

@@ -184,6 +184,11 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
     scheme = plan.scheme
     if stated.steps and plan.until > len(stated.steps):
         raise ProblemError(f"there are {len(stated.steps)} load steps, and until is {plan.until:g}; leave until out")
+    if stated.steps and not scheme.ends_at_equilibrium:
+        raise ProblemError(
+            f"load steps are static problems, and steps of the scheme {scheme.name} end in none; take "
+            f"{ImplicitEuler.name}"
+        )
     if stated.steps and isinstance(plan.control, Control):
         raise ProblemError("control finds the load, and load steps state it; leave one of the two out")
     span = plan.until - stated.start
