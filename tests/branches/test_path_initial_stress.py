@@ -33,7 +33,10 @@ def test_it_grows_on_a_load_path_if_it_is_asked_to(constant: tuple[str, ...]) ->
                 initial_stress=-20.0 * factor, initial_strain={}, initial_scaled=True,
                 tractions={"top": (0.0, -5.0 * (1.0 if constant else factor))},
             )  # fmt: skip
-            return replace(stated, supports={**stated.supports, "right": hv.Prescribed((0.0, support * factor))})
+            return replace(
+                stated,
+                supports={**stated.supports, "right": hv.Prescribed((-0.5 * support * factor, support * factor))},
+            )
 
         path = hv.follow_path(part(1.0), (0.0, 1.0), constant=constant)
         line = hv.fem.LoadLine.to(hv.discretize(part(1.0)), constant)

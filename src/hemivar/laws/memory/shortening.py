@@ -33,11 +33,6 @@ class Shortening(Memory):
         ends = law.penetrations
         return kept(shortening=np.where(ends.lower == ends.upper, state["shortening"], r[:, 0]))
 
-    def seen(self, state: MemoryState, r: Array) -> Array:
-        there = r.copy()
-        there[:, 0] -= state["shortening"]
-        return there
-
     def stored(self, law: VectorLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         there = r.copy()
         there[:, 0] = 0.0  # a tension is no spring
