@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import shown
@@ -162,9 +162,18 @@ def _print_load_steps(history: History) -> None:
     label = "load steps"
     for number, step in enumerate(history.discrete.evolution.steps, start=1):
         if (row := ends.get(float(number))) is not None:
-            forces = f"normal force {row.values['normal_force']:.6g}, friction {row.values['friction_force']:.6g}"
-            print(f"{label:<18}{number} {step.name}: {forces}, residual {row.residual:.1e}")
+            print(f"{label:<18}{number} {step.name}: {_forces(row.values)}; residual {row.residual:.1e}")
             label = ""
+
+
+def _forces(values: Mapping[str, float]) -> str:
+    """Normal force and friction, on each boundary where there are several."""
+    ends = ("normal_force", "friction_force")
+    names = [name.removesuffix(f".{ends[0]}") for name in values if name.endswith(f".{ends[0]}")]
+    if not names:
+        return f"normal force {values[ends[0]]:.6g}, friction {values[ends[1]]:.6g}"
+    parts = (f"{name} {values[f'{name}.{ends[0]}']:.6g}, {values[f'{name}.{ends[1]}']:.6g}" for name in names)
+    return f"normal force and friction of {'; '.join(parts)}"
 
 
 def code_of(history: History, name: str) -> Exit:
