@@ -23,6 +23,31 @@ def test_it_stays_on_a_load_path() -> None:
             np.testing.assert_allclose(path.local[end], solved.local, atol=1e-8 * np.abs(solved.local).max())
 
 
+@pytest.mark.parametrize("constant", [(), ("top",)])
+def test_it_grows_on_a_load_path_if_it_is_asked_to(constant: tuple[str, ...]) -> None:
+    """At each factor the body is that under this part of its stress, with constant loads and moved supports."""
+    for support in (0.0, -0.002):
+
+        def part(factor: float, support: float = support) -> hv.ContactProblem:
+            stated = on_glue(
+                initial_stress=-20.0 * factor, initial_strain={}, initial_scaled=True,
+                tractions={"top": (0.0, -5.0 * (1.0 if constant else factor))},
+            )  # fmt: skip
+            return replace(
+                stated,
+                supports={**stated.supports, "right": hv.Prescribed((-0.5 * support * factor, support * factor))},
+            )
+
+        path = hv.follow_path(part(1.0), (0.0, 1.0), constant=constant)
+        line = hv.fem.LoadLine.to(hv.discretize(part(1.0)), constant)
+        for end, factor in ((0, 0.0), (-1, 1.0)):
+            solved = hv.solve(part(factor))
+            np.testing.assert_allclose(path.local[end], solved.local, atol=1e-8 * np.abs(path.local).max())
+        half, own = hv.solve(line.at(0.5)), hv.solve(part(0.5))
+        np.testing.assert_allclose(half.stress(), own.stress(), atol=1e-8 * np.abs(own.stress()).max())
+        assert half.energy == pytest.approx(own.energy, rel=1e-9)
+
+
 def test_energy_half_way_is_that_of_half_the_load() -> None:
     """The work of the initial stress on prescribed displacements grows with these, and is counted once."""
     stated, half = (

@@ -48,3 +48,20 @@ def test_the_command_goes_through_the_steps(folder: Path, capsys: pytest.Capture
 def test_commands_for_one_problem_refuse_steps(command: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "steps.toml"]) == 2
     assert "load steps, and this is for one" in capsys.readouterr().err
+
+
+def test_the_forces_of_each_boundary_are_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A block hangs on a bolt, which stretches it by 100 times .01 more, beside a wall that it does not touch."""
+    monkeypatch.chdir(tmp_path)
+    text = """
+    mesh = { rectangle = [1.0, 1.0], cells = 4 }
+    material = { young = 100.0, poisson = 0.0 }
+    supports = { top = { displacement = [0.0, 0.0] } }
+    contact = { bottom.normal = "bolt", left.normal = "signorini" }
+    steps = [{ name = "tighten", bolts.bottom = 2.0 }, { name = "work", supports.top.displacement = [0.0, 0.01] }]
+    """
+    (tmp_path / "bolt.toml").write_text(text, encoding="utf-8")
+    assert main(["march", "bolt.toml"]) == 0
+    assert "2 work: normal force and friction of bottom -3, 0; left 0, 0; residual" in capsys.readouterr().out

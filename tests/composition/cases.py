@@ -102,7 +102,7 @@ NORMALS: dict[str, Superpotential | VectorLaw] = {
 #: Laws and memories by name that another family stands for.
 LIKE = {
     "survey": "compliance", "capped": "saw-tooth", "layered": "saw-tooth", "pressure-table": "table",
-    "bonding": "bond", "rate-and-state": "slip sum",
+    "bolt": "bilateral", "bonding": "bond", "rate-and-state": "slip sum",
 }  # fmt: skip
 
 
@@ -372,6 +372,7 @@ BODIES: Mapping[str, Callable[[hv.Contact, float], Problem]] = {
     "space": _space,
     "quadratic tetrahedra": partial(_space, order=2),
     "bedded": lambda contact, up: _plane(contact, up, supports={"left": hv.Roller()}, bedding=50.0),
+    "stressed": lambda contact, up: _plane(contact, up, initial_stress=np.diag([0.4, 0.2]), initial_strain="1e-3*x"),
     "resting": _resting,
     "sprung": _sprung,
     "tied": _tied_blocks,

@@ -35,6 +35,7 @@ LEVEL_NAMES: Mapping[tuple[str, str], str] = {
     ("body", "quadratic"): "quadratic elements",
     ("body", "axisymmetric"): "body of revolution",
     ("body", "stiffened"): "stress stiffening",
+    ("body", "stressed"): "initial stress and strain",
     ("body", "resting"): "held by contact",
     ("body", "sprung"): "on springs",
     ("body", "tied"): "two bodies tied",

@@ -65,7 +65,7 @@ _NO_PATH = (
 )
 _NO_BOUND = (
     "The distance to the exact solution is bounded for elastic bodies held on boundaries, without bedding, springs, "
-    "plates and ties, and for one component on supports; adaptive solves are for bodies."
+    "plates, ties and initial stress, and for one component on supports; adaptive solves are for bodies."
 )
 _NO_BOUND_REVOLVED = "Bodies of revolution have no bound of the distance to the exact solution and no adaptive solve."
 _NO_BOUND_QUADRATIC = "In space the distance to the exact solution is bounded for linear elements only."
@@ -108,6 +108,7 @@ RULES = (
     Rule("bodies held on boundaries", _NO_BOUND, _BOUNDS, ("sprung",)),
     Rule("bodies without ties", _NO_BOUND, _BOUNDS, ("tied",)),
     Rule("bodies held on boundaries", _NO_BOUND, _BOUNDS, ("plated",)),
+    Rule("bodies without initial stress", _NO_BOUND, _BOUNDS, ("stressed",)),
     Rule("use order = 1", _NO_BOUND_QUADRATIC, _BOUNDS, ("quadratic tetrahedra",)),
     Rule(
         "not available with stress stiffening",

@@ -171,7 +171,23 @@ def test_a_bolt_that_is_cut_in_the_middle_of_its_shank() -> None:
     assert plates == pytest.approx([1000.0, 760.0], rel=1e-6)
 
 
+def test_a_membrane_is_pulled_and_then_held() -> None:
+    """A strip under a pull at its end, then held there; under a load of its own the end bears half of it."""
+    problem = hv.ScalarProblem(
+        hv.rectangle((1.0, 0.25), (8, 2)), 1.0, source="4 * max(0, t - 1)",
+        contact={"right": hv.ScalarContact(Bolt("-min(t, 1)", "max(0, t - 1)"))}, supports={"left": 0.0},
+        kind="membrane",
+    )  # fmt: skip
+    history = hv.march(hv.Evolution(problem), until=2.0, step=0.5)
+    end = [frame.displacement[-1, 0] for frame in history.frames]
+    assert end == pytest.approx([0.0, -0.5, -1.0, -1.0, -1.0], abs=1e-9)
+    # the slope at the end is -1 of the pull and -2 of the load
+    assert abs(history["normal_force"][-1]) == pytest.approx(0.25 * abs(1.0 + 2.0), rel=1e-8)
+
+
 def test_bolts_that_are_none_are_refused() -> None:
+    with pytest.raises(ProblemError, match="a bolt remembers by how much it was shortened"):
+        hv.Contact(Bolt(), memory=())
     with pytest.raises(ProblemError, match="step 'tighten': it tightens a bolt at 'foot', where there is none"):
         joint(steps=[Step("tighten", bolts={"foot": 1.0}), Step("work")])
     with pytest.raises(ProblemError, match=r"bolts\['cut'\]"):

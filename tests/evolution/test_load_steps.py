@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -160,6 +161,17 @@ def test_steps_may_begin_with_an_interference_fit() -> None:
     assert np.isfinite([row.values["elastic"] for row in history.steps]).all()
 
 
+def test_a_march_through_steps_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+    evolution = hv.Evolution(sheet(20))
+    kept = tmp_path / "steps.ckpt"
+    first = hv.march(evolution, 2.0, checkpoint=kept)
+    assert first.times.tolist() == [1.0, 2.0]
+    rest = hv.march(evolution, checkpoint=kept, resume=True)
+    whole = hv.march(evolution)
+    assert rest.times.tolist() == [1.0, 2.0, 3.0]
+    assert np.array_equal(rest.frames[-1].displacement, whole.frames[-1].displacement)
+
+
 def test_a_problem_with_steps_is_pickled_and_put_on_another_mesh() -> None:
     problem = sheet(20)
     again = pickle.loads(pickle.dumps(problem))
@@ -227,5 +239,7 @@ def test_what_has_no_steps_refuses_them_before_any_work() -> None:
         hv.march(hv.Evolution(problem), 4.0)
     with pytest.raises(ProblemError, match="until is missing"):
         hv.march(hv.Evolution(sheet(4, steps=())))
+    with pytest.raises(ProblemError, match="steps of the scheme midpoint end in none; take implicit-euler"):
+        hv.march(hv.Evolution(problem), scheme="midpoint")
     with pytest.raises(ProblemError, match="control finds the load, and load steps state it"):
         hv.march(hv.Evolution(problem), control="dissipation")

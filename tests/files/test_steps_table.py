@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import pytest
 import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import parse_problem_file, problem_text
+from hemivar.files.snapshot import snapshot
 from hemivar.formula import Formula
 from hemivar.mechanics import Step
+from hemivar.solvers.contact_states import NormalState
 
 FILE = """
 mesh = { rectangle = [100.0, 10.0], cells = [25, 1] }
@@ -98,6 +101,36 @@ def test_bolts_of_a_file_are_tightened_and_written() -> None:
         parse_problem_file(text.replace("bolts.bottom = 2.0", 'bolts.bottom = "tight"'))
     with pytest.raises(ProblemError, match="it tightens a bolt at 'left', where there is none"):
         parse_problem_file(text.replace("bolts.bottom", "bolts.left"))
+
+
+@pytest.mark.parametrize("steps", [True, False])
+def test_stresses_of_a_frame_are_those_of_its_time(steps: bool) -> None:
+    """A body that cannot move has its initial stress, which changes from step to step, or with the time."""
+    walls = dict.fromkeys(("left", "right", "top"), "clamped")
+    given: dict[str, Any] = {"initial_stress": "t"}
+    if steps:
+        given = {"steps": [Step("one", initial_stress=1.0), Step("two", initial_stress=2.0)]}
+    stated = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 2), hv.Material.young(10.0, 0.0), {"bottom": hv.Contact(hv.laws.Bilateral())},
+        walls, **given,
+    )  # fmt: skip
+    history = hv.march(hv.Evolution(stated, start=0.0 if steps else 1.0), until=2.0, step=1.0)
+    for frame, stress in zip(history.frames, (1.0, 2.0), strict=True):
+        kept = snapshot(history.discrete, frame)
+        assert kept.problem.origin is not None
+        found = hv.fem.stress(kept.problem.origin, frame.displacement)
+        np.testing.assert_allclose(found, np.broadcast_to(stress * np.eye(2), found.shape), atol=1e-12)
+
+
+def test_a_bolt_is_bonded_in_every_frame() -> None:
+    stated = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 2), hv.Material.young(10.0, 0.0), {"bottom": hv.Contact(hv.laws.Bolt())},
+        {"top": hv.Fixed(y=0.0), "left": "roller"},
+        steps=[Step("tighten", bolts={"bottom": 1.0}), Step("pull", supports={"top": hv.Fixed(y=0.1)})],
+    )  # fmt: skip
+    history = hv.march(hv.Evolution(stated))
+    _, pulled = (snapshot(history.discrete, frame).states for frame in history.frames)
+    assert set(pulled.normal.tolist()) == {NormalState.BONDED}
 
 
 @pytest.mark.parametrize(

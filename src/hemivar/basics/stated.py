@@ -66,6 +66,8 @@ class Form(StrEnum):
     """A list of numbers."""
     TENSOR = "tensor"
     """A quantity, or a row of them for each direction."""
+    STRESS = "stress"
+    """Of a stress or a strain: such rows, or three rows of three, of the plane as well."""
     PAIR = "pair"
     """Two quantities, Lame's constants."""
     MATRIX = "matrix"

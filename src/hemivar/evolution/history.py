@@ -259,8 +259,7 @@ class History(PickleMixin, ReprMixin):
         ends, claims = {row.time: row for row in self.steps}, list[Claim]()
         for index, step in enumerate(self.discrete.evolution.steps, start=1):
             if (row := ends.get(float(index))) is not None:
-                forces = f"normal force {row.values['normal_force']:.6g}, friction {row.values['friction_force']:.6g}"
-                words = f"{index} {step.name}: {forces}, residual {row.residual:.1e}"
+                words = f"{index} {step.name}: {_forces(row.values)}; residual {row.residual:.1e}"
                 claims.append(Claim("" if claims else "load steps", words))
         return claims
 
@@ -405,3 +404,13 @@ _SUMS = {
 }
 _WHOLE = ("solver_steps", "jumped", "fallbacks")
 _OWN = ("time", "step", "solver_steps", "residual", "margin", "largest_step", "jumped")
+
+
+def _forces(values: Mapping[str, float]) -> str:
+    """Normal force and friction, on each boundary where there are several."""
+    ends = ("normal_force", "friction_force")
+    names = [name.removesuffix(f".{ends[0]}") for name in values if name.endswith(f".{ends[0]}")]
+    if not names:
+        return f"normal force {values[ends[0]]:.6g}, friction {values[ends[1]]:.6g}"
+    parts = (f"{name} {values[f'{name}.{ends[0]}']:.6g}, {values[f'{name}.{ends[1]}']:.6g}" for name in names)
+    return f"normal force and friction of {'; '.join(parts)}"

@@ -162,9 +162,8 @@ class March:
         """The plan for an evolution: one increment for each of its load steps where no length is given."""
         if not stated.steps:
             return self
-        ends = tuple(float(number) for number in range(2, len(stated.steps)))
         step = FixedStep(1.0) if self.step is None else self.step
-        return replace(self, step=step, stops=(*self.stops, *(end for end in ends if end < self.until)))
+        return replace(self, step=step, stops=(*self.stops, *map(float, range(2, len(stated.steps)))))
 
     def stepping(self, span: float) -> StepSizeController:
         """The control of steps of an evolution that lasts ``span``."""
@@ -185,6 +184,11 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
     scheme = plan.scheme
     if stated.steps and plan.until > len(stated.steps):
         raise ProblemError(f"there are {len(stated.steps)} load steps, and until is {plan.until:g}; leave until out")
+    if stated.steps and not scheme.ends_at_equilibrium:
+        raise ProblemError(
+            f"load steps are static problems, and steps of the scheme {scheme.name} end in none; take "
+            f"{ImplicitEuler.name}"
+        )
     if stated.steps and isinstance(plan.control, Control):
         raise ProblemError("control finds the load, and load steps state it; leave one of the two out")
     span = plan.until - stated.start

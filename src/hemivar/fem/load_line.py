@@ -20,6 +20,7 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.reactions import support_reactions
 from hemivar.mechanics import ContactProblem
 from hemivar.mechanics.conditions import RigidPlate, at_rest
+from hemivar.mechanics.load_steps import between_fields
 
 __all__ = ["LoadLine", "load_names"]
 
@@ -88,13 +89,13 @@ class LoadLine:
             return cls(problem)
         _check_loads(stated, constant)
         moves = any(at_rest(support, stated.mesh.dim) is not support for support in stated.supports.values())
-        stays = bool(constant) or stated.initially_stressed
+        stays = bool(constant) or (stated.initially_stressed and not stated.initial_scaled)
         if not (moves or stays):
             return cls(problem)
         rest = discretize(_unloaded(stated, constant), check_coercivity=False)
         if not (moves and stays):
             return cls(problem, rest)
-        growing = replace(stated, initial_stress=0.0, initial_strain=0.0)
+        growing = stated if stated.initial_scaled else _relaxed(stated)
         grown = discretize(_with_loads(growing, _loads(stated) - set(constant)), check_coercivity=False)
         return cls(problem, rest, _stored(problem) - _stored(rest) - _stored(grown))
 
@@ -129,6 +130,16 @@ class LoadLine:
             return self.loaded
         if not 0.0 <= abs(factor) < np.inf:
             raise ProblemError(f"the load factor is {factor}; give a finite number")
+        stated = self.loaded.origin
+        if stated is None or not (stated.initial_scaled and stated.initially_stressed):
+            return self._at(factor)
+        problem = self._at(factor)
+        names = ("initial_stress", "initial_strain")
+        scaled = {name: between_fields(0.0, getattr(stated, name), factor, name) for name in names}
+        # What the stress is made of: it has that part of its initial stress.
+        return problem.fitted(replace(problem.model, origin=replace(stated, **scaled)))  # type: ignore[arg-type]
+
+    def _at(self, factor: float) -> DiscreteProblem:
         loaded, zero = self.loaded, self.unloaded
         if zero is None:
             return loaded.under(factor * loaded.load)
@@ -233,4 +244,10 @@ def _with_loads(problem: ContactProblem, names: Collection[str]) -> ContactProbl
 def _unloaded(problem: ContactProblem, constant: Collection[str]) -> ContactProblem:
     """The statement with its constant loads alone, and without prescribed displacements."""
     left = _with_loads(problem, constant)
-    return replace(left, supports={name: at_rest(one, problem.mesh.dim) for name, one in left.supports.items()})
+    rest = replace(left, supports={name: at_rest(one, problem.mesh.dim) for name, one in left.supports.items()})
+    return _relaxed(rest) if problem.initial_scaled else rest
+
+
+def _relaxed(problem: ContactProblem) -> ContactProblem:
+    """The statement without initial stress."""
+    return replace(problem, initial_stress=0.0, initial_strain=0.0)

@@ -42,7 +42,7 @@ def support_reactions(
     takes the force along what it fixes and none before it has fixed.  That of a rigid plate is the stated force and
     what holds its prescribed motions.
     """
-    forces, plates = _reactions(problem, displacement, multiplier)
+    forces, plates = _reactions(problem, displacement, multiplier, load)
     assert problem.origin is not None
     none = np.zeros(displacement.shape[1])
     for plate in stated_plates(problem.origin):
@@ -65,7 +65,7 @@ def plate_motions(problem: DiscreteProblem, displacement: Array, multiplier: Arr
 
 
 def _reactions(
-    problem: DiscreteProblem, displacement: Array, multiplier: Array
+    problem: DiscreteProblem, displacement: Array, multiplier: Array, load: Array | None = None
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Forces of supports on the body, by name, and what plates do along their motions."""
     stated, field = problem.origin, problem.field
@@ -84,7 +84,7 @@ def _reactions(
     if isinstance(problem.bulk, Potential):
         moved, size = problem.bulk.initial_forces, norm(problem.bulk.initial_sizes)
     else:
-        forces = internal_forces(stated, field.prescribed.reshape(displacement.shape), cells).ravel()
+        forces = internal_forces(stated, field.full(np.zeros(problem.unknowns)), cells).ravel()
         moved, size = field.basis.T @ forces, norm(forces)
     if norm(field.basis.T @ load.ravel() - moved - problem.load) > SAME * max(norm(load.ravel()), size):
         raise ProblemError(

@@ -195,9 +195,10 @@ def read_value(table: TomlTable, key: str, stated: Stated, dim: int = 0) -> obje
             return [table.number(key, number) for number in value]
         case Form.VECTOR | Form.TORQUE if stated.form is Form.VECTOR or dim == 3:
             return table.vector(key, value, dim, timed=stated.timed)
-        case Form.TENSOR if isinstance(value, list):
-            what = f"a number, a formula, or {dim} lists of {dim} of these"
-            return _square(table, key, dim, dim, what, stated.timed)
+        case Form.TENSOR | Form.STRESS if isinstance(value, list):
+            size = 3 if stated.form is Form.STRESS and len(value) == 3 else dim
+            what = f"a number, a formula, or {size} lists of {size} of these"
+            return _square(table, key, dim, size, what, stated.timed)
         case Form.MATRIX:
             size = dim * (dim + 1) // 2
             what = f"{size} lists of {size} numbers or formulas, the rows of the {stated.says} matrix"
@@ -251,7 +252,7 @@ def written(value: object, form: Form, where: str) -> object:
     if isinstance(value, Mapping):
         return {name: written(entry, form, f"{where}['{name}']") for name, entry in value.items()}
     match form:
-        case Form.TENSOR:
+        case Form.TENSOR | Form.STRESS:
             if isinstance(value, GradientEnergy):
                 raise not_expressible(where, f"a {type(value).__name__}", "a number, a formula or a tensor")
             if np.ndim(value) in (1, 3):  # type: ignore[arg-type]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.history import damage_of, law_at, remembered
 from hemivar.fem.contact_basis import nodal_depths
 from hemivar.fem.thermal_stress import cell_thermal_stress
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.boundary_result import ContactValues
 from hemivar.solvers.contact_states import ContactStates, contact_states
 
@@ -70,6 +71,7 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     if discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         offset = discrete.data_at(frame.load_factor).offset
         problem = problem.with_(offset=offset)
+    problem = _stressed(discrete, problem, frame.load_factor)
     states, damage = moving_states(discrete, frame), damage_of(discrete, frame)
     debonding = {} if np.isnan(damage).all() else {"damage": damage}
     return Snapshot(
@@ -77,6 +79,17 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
         frame.memory, frame.temperature, _thermal_stress(discrete, frame), frame.force_time,
         debonding,
     )  # fmt: skip
+
+
+def _stressed(discrete: DiscreteEvolution, problem: DiscreteProblem, time: float) -> DiscreteProblem:
+    """The problem with the initial stress of a time, of which stresses are made."""
+    stated = discrete.evolution.problem
+    if problem.origin is None or not isinstance(stated, ContactProblem) or "load" not in stated.time_dependent:
+        return problem
+    now = stated.at_time(time)
+    if not (now.initially_stressed or problem.origin.initially_stressed):
+        return problem
+    return problem.fitted(replace(problem.model, origin=now))
 
 
 def _thermal_stress(discrete: DiscreteEvolution, frame: Frame) -> Array | None:

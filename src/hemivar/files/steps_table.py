@@ -15,7 +15,7 @@ from hemivar.mesh import Mesh
 __all__ = ["read_steps", "steps_record"]
 
 #: What a step may say of the loads.
-_LOADS = tuple(key for key in KEYS["loads"] if key not in ("bedding", "stiffening"))
+_LOADS = ("body", "traction", "pressure", "stress", "strain")
 
 
 def read_steps(top: TomlTable, mesh: Mesh) -> tuple[Step, ...]:

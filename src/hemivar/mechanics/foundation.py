@@ -213,7 +213,7 @@ class Contact(CheckedFields, PickleMixin):
             raise ProblemError(f"a scalar contact with friction has {what}, which is of the penetration; leave it out")
         for variable in self.remembers:
             rubs = getattr(variable, "friction", 0.0)
-            if not isinstance(variable, _OF_PENETRATION) or callable(rubs) or np.any(rubs):
+            if not isinstance(variable, (*_OF_PENETRATION, Shortening)) or callable(rubs) or np.any(rubs):
                 raise ProblemError(
                     f"the memory '{variable.name}' needs slip and penetration, but a scalar contact has one component; "
                     f"give one of {', '.join(kind.__name__ for kind in _OF_PENETRATION)}, without friction"
@@ -261,6 +261,8 @@ class Contact(CheckedFields, PickleMixin):
             _ = ContactLaw(self.damping)
         if self.memory is None:
             return
+        if isinstance(self.normal, Bolt):
+            raise ProblemError("a bolt remembers by how much it was shortened, and nothing else; leave memory out")
         memory = self.memory if isinstance(self.memory, Sequence) else (self.memory,)
         for variable in memory:
             if not isinstance(variable, Memory):

@@ -119,7 +119,9 @@ def bolted(contact: Mapping[str, Contact], step: Step, areas: Callable[[str], fl
     after = dict(contact)
     for name, one in contact.items():
         if name in step.bolts:
-            after[name] = replace(one, normal=Bolt(step.bolts[name] / areas(name)))
+            after[name] = replace(
+                one, normal=Bolt(step.bolts[name] / (areas(name) or 1.0))
+            )  # a part of the mesh may have none
         elif isinstance(one.normal, Bolt) and _acts(one.normal.tension):
             after[name] = replace(one, normal=replace(one.normal, held=1.0))
     return after

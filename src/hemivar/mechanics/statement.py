@@ -147,11 +147,14 @@ class ContactProblem(PickleMixin, ReprMixin):
     initial_stress : float, array, callable or mapping of region to these
         Stress of the body before anything moves, tension positive: a number, alike in all directions (a pore pressure
         p is ``-b*p``), a symmetric tensor (d, d), or one of these for each cell, (M,) or (M, d, d); a callable gets
-        points, shape (k, d), and returns (k,) or (k, d, d). Regions that a mapping leaves out have none. On a load path
-        it stays as it is.
+        points, shape (k, d), and returns (k,) or (k, d, d). In the plane a tensor may be (3, 3), the last direction
+        across it; of a body of revolution, around the axis, it must. Regions that a mapping leaves out have none.
     initial_strain : float, array, callable or mapping of region to these
         Strain of the body without stress (eigenstrain), in the same forms: ``alpha*dT`` of a change of temperature.
         Linear materials.
+    initial_scaled : bool
+        Whether initial stress and strain grow with the load factor on a load path, as the misfit of a body that is
+        warmed; by default they have their full size from the start on, as what is in a rock.
     steps : sequence of Step
         Load steps: a sequence of static problems, each of which begins with the friction history of the one before.
         The problem then depends on time, which counts the steps: step k ends at t = k. :class:`hemivar.Evolution` goes
@@ -261,18 +264,25 @@ class ContactProblem(PickleMixin, ReprMixin):
     initial_stress: InitialField = field(
         default=0.0,
         metadata=stated(
-            Form.TENSOR,
-            "stress of the body before anything moves, tension positive: a number, d lists of d numbers, or "
-            "`{ REGION = ... }` *(f, t)*",
+            Form.STRESS,
+            "stress of the body before anything moves, tension positive: a number, d lists of d numbers (or 3 of "
+            "3: the last direction is across the plane), or `{ REGION = ... }` *(f, t)*",
             key="stress", timed=True, by="region", table="loads",
         ),
     )  # fmt: skip
     initial_strain: InitialField = field(
         default=0.0,
         metadata=stated(
-            Form.TENSOR,
+            Form.STRESS,
             "strain of the body without stress, such as `alpha dT` of heat: as `stress`, of linear materials *(f, t)*",
             key="strain", timed=True, by="region", table="loads",
+        ),
+    )  # fmt: skip
+    initial_scaled: bool = field(
+        default=False,
+        metadata=stated(
+            Form.FLAG, "`true`: on a load path initial stress and strain grow with the load factor", key="scaled",
+            table="loads",
         ),
     )  # fmt: skip
     steps: Sequence[Step] = ()
@@ -629,6 +639,7 @@ class ContactProblem(PickleMixin, ReprMixin):
             "bedding": checked_quantity(self.bedding, "bedding"),
         }.items():
             object.__setattr__(self, name, value)
+        expect(self.initial_scaled, bool, "initial_scaled", "give True or False")
         for name in INITIAL:
             object.__setattr__(self, name, checked_field(getattr(self, name), name, self.mesh, self.kinematics.ring))
         if self.initially_stressed and (self.kind or self.stiffening):

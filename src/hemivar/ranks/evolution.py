@@ -245,6 +245,8 @@ def discretize_on_ranks(
         raise shared(
             MethodError("the engine 'petsc' has no redistributed mass; take mass = 'consistent', or leave --engine out")
         )
+    if evolution.steps:
+        raise shared(MethodError("the engine 'petsc' has no load steps; leave --engine out"))
     if evolution.heat is not None:
         raise shared(MethodError("the engine 'petsc' has no heat coupling; leave the heat out, or --engine"))
 
