@@ -250,11 +250,9 @@ class ContactLaw(NormalAndFriction):
         follow(at_bound.jacobian, at_bound.multiplier, size, slopes, a[:, 0], normal.jacobian[:, 0, 0])
         return at_bound
 
-    def is_curve(self, a: Array, components: int) -> bool:
-        """Whatever the bound, where it depends on the state."""
-        if not self.state_dependent:
-            return super().is_curve(a, components)
-        return bool((a[:, 0] > self.normal.weak_convexity).all())
+    @property
+    def curve_above(self) -> tuple[Array, Array]:
+        return (self.normal.weak_convexity, np.zeros(1)) if self.state_dependent else self.weak_convexity
 
     def chart(self, a: Array, components: int) -> Chart | None:
         """As of every law, by tables; where a law is no curve these follow the piece that p lies on."""

@@ -115,9 +115,6 @@ class JoinedLaw(VectorLaw):
     def frozen(self, r: Array, lam: Array) -> VectorLaw:
         return self._each(lambda law, *own: law.frozen(*own), r, lam)
 
-    def frozen_at(self, r: Array) -> VectorLaw:
-        return self._each(lambda law, own: law.frozen_at(own), r)
-
     @property
     def lipschitz(self) -> Array:
         return self.gather([law.lipschitz for law in self.parts])
@@ -140,7 +137,6 @@ class JoinedLaw(VectorLaw):
     recession = _by_points("recession")
     snap_to_kinks = _by_points("snap_to_kinks")
     fitted = _by_points("fitted")
-    at_normal_kink = _by_points("at_normal_kink")
     moves = _by_points("moves")
     past_peak = _by_points("past_peak")
     resistance = _by_points("resistance")
@@ -163,9 +159,6 @@ class JoinedLaw(VectorLaw):
     def joined(self, pairs: Sequence[OnGraph]) -> OnGraph:
         """Pairs of the parts as those of all points."""
         return OnGraph(*(self.gather(arrays) for arrays in zip(*(vars(pair).values() for pair in pairs), strict=True)))
-
-    def is_curve(self, a: Array, components: int) -> bool:
-        return all(law.is_curve(a[i], components) for law, i in zip(self.parts, self.indices, strict=True))
 
     def chart(self, a: Array, components: int) -> Chart | None:
         charts = [law.chart(a[i], components) for law, i in zip(self.parts, self.indices, strict=True)]

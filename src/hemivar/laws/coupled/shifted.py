@@ -66,9 +66,6 @@ class LawBeside(VectorLaw):
         up, down, slip = self.base.strongest(self.seen(rest), size)
         return up, down, np.asarray(slip + self.beside)
 
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self.base.at_normal_kink(self.seen(r))
-
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.base.past_peak(self.seen(r), pull, near, slack)
 
