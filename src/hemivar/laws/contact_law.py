@@ -366,16 +366,11 @@ class ContactLaw(NormalAndFriction):
             out[:, 1:] = np.maximum(local_minimiser(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
         return out
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        out = r.copy()
-        knot = kink_within(self.normal, r[:, 0], near)
-        out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])
-        if r.shape[1] > 1:
-            size = lengths(r[:, 1:])
-            knot = kink_within(self.tangential, size, near)
-            scale = np.where(np.isfinite(knot) & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
-            out[:, 1:] = r[:, 1:] * scale[:, None]
-        return out
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        size = lengths(r[:, 1:])
+        knot = kink_within(self.tangential, size, np.inf)
+        scale = np.where(size > 0.0, knot / np.where(size > 0.0, size, 1.0), 1.0)
+        return kink_within(self.normal, r[:, 0], np.inf), r[:, 1:] * scale[:, None]
 
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         out = r.copy()

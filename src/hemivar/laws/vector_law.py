@@ -34,6 +34,7 @@ __all__ = [
     "prox",
     "prox_jacobian",
     "pulls",
+    "snapped",
     "softens",
     "splits",
     "spread",
@@ -397,16 +398,6 @@ class VectorLaw(PickleMixin, ABC):
                 break
         return r
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        """``r (m, c)`` with the parts that miss a kink by no more than ``near`` put on it."""
-        out, law = r.copy(), frozen_at(self, r)
-        normal, slip = law.kinks(r)
-        out[:, 0] = np.where(np.abs(r[:, 0] - normal) <= near, normal, r[:, 0])
-        out[:, 0] = np.where(at_normal_kink(law, out), out[:, 0], r[:, 0])
-        if r.shape[1] > 1:
-            out[:, 1:] = np.where((lengths(r[:, 1:] - slip) <= near)[:, None], slip, r[:, 1:])
-        return out
-
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         """Where the law fits a pair best, (m, c): ``r`` itself or, part by part, a knot; as :meth:`graph_distance`."""
         places, off = frozen_at(self, r)._offers(r, lam, tau)
@@ -539,6 +530,17 @@ def frozen_at(law: VectorLaw, r: Array) -> VectorLaw:
 def at_normal_kink(law: VectorLaw, r: Array) -> BoolArray:
     """Whether the penetration of ``r (m, c)`` sits on a kink of a law, (m,)."""
     return ~frozen_at(law, r).linearise(r).smooth[:, 0]
+
+
+def snapped(law: VectorLaw, r: Array, near: float) -> Array:
+    """``r (m, c)`` with the parts that miss a kink of a law by no more than ``near`` put on it."""
+    out, law = r.copy(), frozen_at(law, r)
+    normal, slip = law.kinks(r)
+    out[:, 0] = np.where(np.abs(r[:, 0] - normal) <= near, normal, r[:, 0])
+    out[:, 0] = np.where(at_normal_kink(law, out), out[:, 0], r[:, 0])
+    if r.shape[1] > 1:
+        out[:, 1:] = np.where((lengths(r[:, 1:] - slip) <= near)[:, None], slip, r[:, 1:])
+    return out
 
 
 def is_curve(law: VectorLaw, a: Array, components: int) -> bool:

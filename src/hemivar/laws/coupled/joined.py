@@ -135,13 +135,13 @@ class JoinedLaw(VectorLaw):
     local_minimiser = _by_points("local_minimiser")
     admissible = _by_points("admissible")
     recession = _by_points("recession")
-    snap_to_kinks = _by_points("snap_to_kinks")
     fitted = _by_points("fitted")
     moves = _by_points("moves")
     past_peak = _by_points("past_peak")
     resistance = _by_points("resistance")
     kinks_along = _by_points("kinks_along", np.nan)
     rubbed = _by_points("rubbed")
+    kinks = _several("kinks")  # type: ignore[assignment]
     strongest = _several("strongest")  # type: ignore[assignment]
     asymptotic_curvature = _several("asymptotic_curvature")  # type: ignore[assignment]
 

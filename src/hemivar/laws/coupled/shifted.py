@@ -163,8 +163,9 @@ class ShiftedLaw(LawBeside):
             return known
         return replace(known, values=of_alpha(known.whole(), lambda part: self.weak_convexity[part]).values)
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        return self._back(self.base.snap_to_kinks(self.seen(r), near))
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        normal, slip = self.base.kinks(self.seen(r))
+        return normal, np.asarray(slip + self.shift)
 
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         return self._back(self.base.fitted(self.seen(r), self.without_pull(lam), tau))
