@@ -17,7 +17,7 @@ from hemivar.laws.contact_chart import ContactChart, GraphTables, follow
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
-from hemivar.laws.minimisers import piece_bounds
+from hemivar.laws.minimisers import nearest_pair, piece_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.piecewise_law import stack
 from hemivar.laws.proof import Constant, Proof
@@ -25,7 +25,6 @@ from hemivar.laws.scalar_graph import (
     is_continuous,
     kink_within,
     local_minimiser,
-    nearest_knot,
     one_sided,
     prox_slope,
     radial_sides,
@@ -374,11 +373,11 @@ class ContactLaw(NormalAndFriction):
 
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         out = r.copy()
-        out[:, 0] = nearest_knot(self.normal, r[:, 0], lam[:, 0], tau[:, 0])
+        out[:, 0] = nearest_pair(self.normal, r[:, 0], lam[:, 0], tau[:, 0])[0]
         if r.shape[1] > 1:
             (size, direction), force = polar(r[:, 1:]), lengths(lam[:, 1:])
             along = np.where(size > 0.0, np.einsum("mi,mi->m", direction, lam[:, 1:]), force)
-            length = np.maximum(nearest_knot(self.tangential, size, along, tau[:, 1], at_least=0.0), 0.0)
+            length = np.maximum(nearest_pair(self.tangential, size, along, tau[:, 1], at_least=0.0)[0], 0.0)
             # at rest the friction may point anywhere
             stays = self.tangential.distance(np.zeros_like(size), force)
             moves = np.hypot((size - length) / tau[:, 1], self.tangential.distance(length, along))

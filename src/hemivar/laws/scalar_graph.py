@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.arrays import CACHED, ROUNDED
-from hemivar.basics.deadline import check_time
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.minimisers import piece_bounds
 from hemivar.laws.superpotential import Superpotential
@@ -21,7 +20,6 @@ __all__ = [
     "is_straight",
     "kink_within",
     "local_minimiser",
-    "nearest_knot",
     "one_sided",
     "part_of",
     "past_peak",
@@ -122,18 +120,11 @@ def is_straight(law: Superpotential) -> bool:
     return law.straight or all(bool(straightness(law, piece)[1].all()) for piece in pieces)
 
 
-def _one_sided_slopes(law: Superpotential, r: Array) -> tuple[Array, Array]:
-    """Derivatives of j to the left and to the right of each ``r (m,)``; -inf and +inf at the ends of the domain."""
-    left = law.derivative(r)
-    right = law.piece_derivative(np.asarray(np.sum(r[..., None] >= law.knots, axis=-1), dtype=np.int64), r)
-    bound = law.domain
-    return np.where(r <= bound.lower, -np.inf, left), np.where(r >= bound.upper, np.inf, right)
-
-
 def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     """The local minimiser of ``a/2 r^2 - b r + j(r)`` that is reached from ``r (m,)`` downhill."""
     points, energies = law.local_minimisers(a, b)
-    left, right = _one_sided_slopes(law, r)
+    here, left, right = law._knot_at(r)
+    left, right = (np.where(here, side, law.derivative(r)) for side in (left, right))
     rising, falling = a * r - b + left, a * r - b + right
     valid = np.isfinite(energies)
     # A minimiser that misses r by rounding is the one next to r.
@@ -152,64 +143,6 @@ def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
         near = np.take_along_axis(points, far.argmin(axis=-1)[..., None], axis=-1)[..., 0]
         target = np.where(~np.isfinite(target) & (steep <= noise) & np.isfinite(far.min(axis=-1)), near, target)
     return np.where(np.isfinite(target), target, np.nan)
-
-
-def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
-    """r, or the knot of least ``hypot((r - knot) / tau, distance of lam to dj(knot))`` if that fits better.
-
-    Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
-    """
-    nearest, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
-    knots = law.knots
-    left, right = law.knot_slopes()
-    low, high = np.minimum(left, right), np.maximum(left, right)
-    shared = knots.shape[0] == 1 or knots.strides[0] == 0
-    width = knots.shape[-1]
-
-    def look(point: IntArray, index: IntArray) -> Array:
-        at = knots[0, index] if shared else knots[point, index]
-        row = point if low.shape[0] > 1 else np.zeros_like(point)
-        off = np.maximum(np.maximum(low[row, index] - lam[point], lam[point] - high[row, index]), 0.0)
-        usable = np.isfinite(at) & (at >= at_least)
-        return np.where(usable, np.hypot((r[point] - np.where(usable, at, 0.0)) / tau[point], off), np.inf)
-
-    def between(low_end: Array, high_end: Array) -> tuple[IntArray, IntArray]:
-        if shared:
-            return np.searchsorted(knots[0], low_end), np.searchsorted(knots[0], high_end, side="right")
-        return (knots < low_end[:, None]).sum(axis=1), (knots <= high_end[:, None]).sum(axis=1)
-
-    every = np.arange(r.size)
-    after = between(r, r)[0]
-    for side in (after - 1, after):  # the two knots around r first
-        index = np.clip(side, 0, width - 1)
-        off = look(every, index)
-        better = off < best
-        best = np.where(better, off, best)
-        nearest = np.where(better, knots[0, index] if shared else knots[every, index], nearest)
-    reach = best * tau
-    first, last = between(r - reach, r + reach)
-    count = last - first
-    starts = np.concatenate([[0], np.cumsum(count)])
-    point = 0
-    while point < r.size:
-        check_time()
-        stop = max(int(np.searchsorted(starts, starts[point] + CACHED, side="right")) - 1, point + 1)
-        rows = np.repeat(every[point:stop], count[point:stop])
-        begins = starts[point:stop] - starts[point]
-        index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
-        some = np.flatnonzero(count[point:stop] > 0)
-        if some.size:
-            off = look(rows, index)
-            least = np.minimum.reduceat(off, begins[some])
-            here = np.flatnonzero(off == np.repeat(least, count[point:stop][some]))
-            _, which = np.unique(rows[here], return_index=True)
-            chosen = here[which]  # the first of the best ones
-            better = least < best[point:stop][some]
-            rows, index = rows[chosen][better], index[chosen][better]
-            best[rows] = least[better]
-            nearest[rows] = knots[0, index] if shared else knots[rows, index]
-        point = stop
-    return nearest
 
 
 def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[Array, Array, Array, Array]:
