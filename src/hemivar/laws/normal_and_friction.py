@@ -176,14 +176,16 @@ class NormalAndFriction(Glue):
         return self.normal.debonding(r[:, 0])
 
 
-def with_friction(law: VectorLaw, what: str) -> NormalAndFriction:
+def with_friction(
+    law: VectorLaw, what: str, why: str = "needs a normal law with friction beside it"
+) -> NormalAndFriction:
     """The law as a normal law with friction, whichever way it may point; ``what`` asks for it in messages."""
     if not isinstance(law, NormalAndFriction):
-        raise MethodError(f"{law.not_separable}, and {what} needs a normal law with friction beside it")
+        raise MethodError(f"{law.not_separable}, and {what} {why}")
     return law
 
 
 def damped(law: VectorLaw, damping: Superpotential) -> VectorLaw:
     """The law with another one of the penetration in parallel; one that couples opening and slip is refused."""
-    parts = with_friction(law, "damping of the normal rate")
+    parts = with_friction(law, "damping of the normal rate", "is not known beside it; leave it out")
     return parts.with_parts(plus(parts.normal, damping))
