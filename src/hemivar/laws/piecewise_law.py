@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from hemivar.laws.proof import Constant, Proof, worst
 from hemivar.laws.superpotential import Interval, Superpotential, row
 from hemivar.laws.turns import falls_between, steepest_fall
 
+if TYPE_CHECKING:
+    from hemivar.laws.vector_law import VectorLaw
+
 __all__ = [
     "PiecewiseLaw",
     "Seams",
@@ -32,10 +35,12 @@ __all__ = [
     "separated",
     "stack",
     "stacked",
+    "taken_apart",
 ]
 
 #: The kind of number that columns hold.
 Entry = TypeVar("Entry", bound=np.generic)
+Part = TypeVar("Part", Superpotential, "VectorLaw")
 
 
 @dataclass(frozen=True, eq=False)
@@ -453,12 +458,7 @@ class PiecewiseLaw(Superpotential):
     def take(self, index: IntArray) -> Superpotential:
         if not self.apart:
             return super().take(index)
-        where, owner = np.empty((2, self.rows), dtype=np.int64)
-        for k, (_, own) in enumerate(self.parts):
-            owner[own], where[own] = k, np.arange(own.size)
-        index = np.atleast_1d(np.asarray(index, dtype=np.int64))
-        chosen = [(law, np.flatnonzero(owner[index] == k)) for k, (law, _) in enumerate(self.parts)]
-        made = [(law.take(where[index[here]]), here) for law, here in chosen if here.size]
+        made = taken_apart(self.parts, index)
         return made[0][0] if len(made) == 1 else stacked(made, self.name)
 
 
@@ -500,6 +500,16 @@ def stack(laws: Sequence[tuple[Superpotential, int]]) -> Superpotential:
     ends = np.cumsum([count for _, count in laws])
     points = [(law, np.arange(end - count, end)) for end, (law, count) in zip(ends, laws, strict=True)]
     return stacked(points, " + ".join(dict.fromkeys(law.name for law, _ in laws)))
+
+
+def taken_apart(parts: Sequence[tuple[Part, IntArray]], index: IntArray) -> list[tuple[Part, IntArray]]:
+    """Of laws at contact points of their own what is left at some of the points, with the numbers these then have."""
+    where, owner = np.empty((2, sum(own.size for _, own in parts)), dtype=np.int64)
+    for k, (_, own) in enumerate(parts):
+        owner[own], where[own] = k, np.arange(own.size)
+    index = np.atleast_1d(np.asarray(index, dtype=np.int64))
+    chosen = [(law, np.flatnonzero(owner[index] == k)) for k, (law, _) in enumerate(parts)]
+    return [(law.take(where[index[here]]), here) for law, here in chosen if here.size]
 
 
 def gathered_debonding(parts: Sequence[dict[str, Array]], indices: Sequence[IntArray]) -> dict[str, Array]:

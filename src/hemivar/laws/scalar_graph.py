@@ -123,8 +123,9 @@ def is_straight(law: Superpotential) -> bool:
 def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     """The local minimiser of ``a/2 r^2 - b r + j(r)`` that is reached from ``r (m,)`` downhill."""
     points, energies = law.local_minimisers(a, b)
-    here, left, right = law._knot_at(r)
-    left, right = (np.where(here, side, law.derivative(r)) for side in (left, right))
+    (here, left, right), slope, ends = law._knot_at(r), law.derivative(r), law.domain
+    left = np.where(r < ends.lower, -np.inf, np.where(here, left, slope))
+    right = np.where(r > ends.upper, np.inf, np.where(here, right, slope))
     rising, falling = a * r - b + left, a * r - b + right
     valid = np.isfinite(energies)
     # A minimiser that misses r by rounding is the one next to r.
@@ -152,25 +153,15 @@ def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[
 
     The latter only at a knot where nothing but the curvature jumps: others were decided by the multiplier.
     """
-    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
-    lefts, rights = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
-    rows = np.arange(r.size)
     for before in (1, 0):
-        at = np.clip(law.piece_of(r) - before, 0, knots.shape[-1] - 1)
+        at = np.clip(law.piece_of(r) - before, 0, (law.searched or law.knots.shape[-1]) - 1)
+        knot, (left, right) = law.place_of(at), law.slopes_at(at)
         with np.errstate(invalid="ignore", under="ignore"):
-            near = np.abs(r - knots[rows, at]) <= slack * tau
-            r = np.where(near & (np.abs(rights[rows, at] - lefts[rows, at]) <= slack), knots[rows, at], r)
-    piece = law.piece_of(r)
-    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
-    knot = knots[rows, at]
-    here = (r == knot) & np.isfinite(knot)
-    left, right = lefts[rows, at], rights[rows, at]
-    after = np.where(here, at + 1, piece)
-    slope = np.broadcast_to(law.piece_derivative(piece, r), r.shape)
-    bend = (np.broadcast_to(law.piece_curvature(i, r), r.shape) for i in (piece, after))
-    below, above = np.where(here, left, slope), np.where(here, right, slope)
-    low, high = (np.array(b) for b in bend)
-    return below, above, low, high
+            r = np.where((np.abs(r - knot) <= slack * tau) & (np.abs(right - left) <= slack), knot, r)
+    (here, left, right), piece = law._knot_at(r), law.piece_of(r)
+    slope = law.piece_derivative(piece, r)
+    low, high = (np.array(np.broadcast_to(law.piece_curvature(i, r), r.shape)) for i in (piece, piece + here))
+    return np.where(here, left, slope), np.where(here, right, slope), low, high
 
 
 def steepest(law: Superpotential, rest: Array, sign: float, size: float) -> Array:
