@@ -71,7 +71,7 @@ def nearest_pair(
     r, lam, tau, _ = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (r, lam, tau)), np.empty(law.rows))
     shape: tuple[int, ...] = r.shape
     off: Array = np.array(law.distance(r, lam)).ravel()
-    place, r, lam, tau = r.flatten(), r.ravel(), lam.ravel(), tau.ravel()
+    nearest, r, lam, tau = r.flatten(), r.ravel(), lam.ravel(), tau.ravel()
 
     def miss(rows: IntArray | slice, at: Array, left: Array, right: Array) -> Array:
         """How far off knots of some rows are, (k,) or several of each, (n, k)."""
@@ -82,14 +82,14 @@ def nearest_pair(
     def take(rows: IntArray | slice, at: Array, misses: Array) -> None:
         better = misses < off[rows]
         if better.any():
-            place[rows], off[rows] = np.where(better, at, place[rows]), np.where(better, misses, off[rows])
+            nearest[rows], off[rows] = np.where(better, at, nearest[rows]), np.where(better, misses, off[rows])
 
     if not law.searched:
         left, right = law.knot_slopes()
         for k in range(law.knots.shape[-1]):
             knot, *sides = (np.broadcast_to(x[:, k], shape).ravel() for x in (law.knots, left, right))
             take(slice(None), knot, miss(slice(None), knot, *sides))
-        return place.reshape(shape), off.reshape(shape)
+        return nearest.reshape(shape), off.reshape(shape)
     behind, count = law.piece_of(r), law.searched
     for step in (-1, 1):  # from the nearest knots outwards until the next one is farther than the best
         first, going, done, width = behind - (step < 0), np.arange(r.size), 0, 4
@@ -105,7 +105,7 @@ def nearest_pair(
             farther = np.abs(r[going] - at[-1]) / tau[going] >= off[going]
             going = going[inside[-1] & ~farther]
             done, width = done + width, int(min(2 * width, max(CACHED // max(going.size, 1), 1)))
-    return place.reshape(shape), off.reshape(shape)
+    return nearest.reshape(shape), off.reshape(shape)
 
 
 def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,6 @@ from hemivar.laws.parameters import common_rows
 from hemivar.laws.proof import Constant, Proof, worst
 from hemivar.laws.superpotential import Interval, Superpotential, row
 from hemivar.laws.turns import falls_between, steepest_fall
-
-if TYPE_CHECKING:
-    from hemivar.laws.vector_law import VectorLaw
 
 __all__ = [
     "PiecewiseLaw",
@@ -40,7 +37,6 @@ __all__ = [
 
 #: The kind of number that columns hold.
 Entry = TypeVar("Entry", bound=np.generic)
-Part = TypeVar("Part", Superpotential, "VectorLaw")
 
 
 @dataclass(frozen=True, eq=False)
@@ -458,7 +454,8 @@ class PiecewiseLaw(Superpotential):
     def take(self, index: IntArray) -> Superpotential:
         if not self.apart:
             return super().take(index)
-        made = taken_apart(self.parts, index)
+        chosen = taken_apart([own for _, own in self.parts], index)
+        made = [(self.parts[k][0].take(own), here) for k, own, here in chosen]
         return made[0][0] if len(made) == 1 else stacked(made, self.name)
 
 
@@ -502,14 +499,14 @@ def stack(laws: Sequence[tuple[Superpotential, int]]) -> Superpotential:
     return stacked(points, " + ".join(dict.fromkeys(law.name for law, _ in laws)))
 
 
-def taken_apart(parts: Sequence[tuple[Part, IntArray]], index: IntArray) -> list[tuple[Part, IntArray]]:
-    """Of laws at contact points of their own what is left at some of the points, with the numbers these then have."""
-    where, owner = np.empty((2, sum(own.size for _, own in parts)), dtype=np.int64)
-    for k, (_, own) in enumerate(parts):
+def taken_apart(parts: Sequence[IntArray], index: IntArray) -> list[tuple[int, IntArray, IntArray]]:
+    """Of points in parts some: the number of each part left, which of its points, and the numbers these then have."""
+    where, owner = np.empty((2, sum(own.size for own in parts)), dtype=np.int64)
+    for k, own in enumerate(parts):
         owner[own], where[own] = k, np.arange(own.size)
     index = np.atleast_1d(np.asarray(index, dtype=np.int64))
-    chosen = [(law, np.flatnonzero(owner[index] == k)) for k, (law, _) in enumerate(parts)]
-    return [(law.take(where[index[here]]), here) for law, here in chosen if here.size]
+    chosen = [(k, np.flatnonzero(owner[index] == k)) for k in range(len(parts))]
+    return [(k, where[index[here]], here) for k, here in chosen if here.size]
 
 
 def gathered_debonding(parts: Sequence[dict[str, Array]], indices: Sequence[IntArray]) -> dict[str, Array]:

@@ -90,7 +90,7 @@ class JoinedLaw(VectorLaw):
         return sum(index.size for index in self.indices)
 
     def take(self, index: IntArray) -> VectorLaw:
-        chosen = taken_apart(tuple(zip(self.parts, self.indices, strict=True)), index)
+        chosen = [(self.parts[k].take(own), here) for k, own, here in taken_apart(self.indices, index)]
         if len(chosen) == 1:
             return chosen[0][0]
         return JoinedLaw(tuple(law for law, _ in chosen), tuple(rows for _, rows in chosen))
