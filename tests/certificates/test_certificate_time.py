@@ -8,7 +8,7 @@ import pytest
 from hemivar.basics import deadline
 from hemivar.certificates import PointKind, certify
 from hemivar.laws import PiecewiseQuadratic
-from hemivar.laws.scalar_graph import nearest_knot
+from hemivar.laws.minimisers import nearest_pair
 from hemivar.solvers import solve
 from tests.certificates.problems import survey_softening
 
@@ -38,7 +38,7 @@ def test_the_best_knot_is_found_without_looking_at_each(rows: int) -> None:
         )
         r = knots[0, random.integers(0, count, size=5)] + random.choice([0.0, 1e-15, 0.1], size=5) * random.normal()
         lam, tau = random.normal(size=5), 10.0 ** random.uniform(-3.0, 2.0, size=5)
-        found = nearest_knot(law, r, lam, tau)
+        found, _ = nearest_pair(law, r, lam, tau)
         np.testing.assert_array_equal(found, every_knot(law, r, lam, tau))
         moved += not np.array_equal(found, r)
     assert moved > 20
@@ -57,7 +57,7 @@ def test_few_knots_of_a_long_table_are_looked_at(monkeypatch: pytest.MonkeyPatch
     knots = np.linspace(-1.0, 1.0, 3001)
     law = PiecewiseQuadratic(knots, np.ones(3002), np.zeros(3001))  # type: ignore[arg-type]
     r = np.linspace(-0.5, 0.5, 4) + 1e-9
-    found = nearest_knot(law, r, law.derivative(r) + 1e-7, np.ones(4))
+    found, _ = nearest_pair(law, r, law.derivative(r) + 1e-7, np.ones(4))
     assert asked <= 2
     assert np.abs(found - r).max() < 1e-6
 

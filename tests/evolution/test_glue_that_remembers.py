@@ -19,7 +19,8 @@ from hemivar.laws.coupled import (
     ModeDependentGlue,
     PowerCriterion,
 )
-from hemivar.laws.vector_testing import check_vector_law
+from hemivar.laws.testing import check_vector_law
+from hemivar.laws.vector_law import frozen_at
 from tests import bodies
 from tests.evolution.glue_by_hand import Glue, few_points, marched_by_hand
 from tests.samples import sampled, slow
@@ -169,7 +170,7 @@ def test_every_way_to_the_break_takes_the_energy_of_the_mode_of_onset(name: str,
         one = law_of_step(law, memory, state, step)
         after = memory.advance(law, state, step, r, lam)
         lost += float(memory.dissipated(law, state, after, step, r, lam)[0])
-        now = one.frozen_at(r).nearest_multiplier(r, np.zeros_like(r))
+        now = frozen_at(one, r).nearest_multiplier(r, np.zeros_like(r))
         work += float((0.5 * (lam + now) * (r - place)).sum())
         if mode >= 0.0:
             assert after["mode"][0] == mode  # kept for ever

@@ -212,7 +212,7 @@ from pathlib import Path
 
 import hemivar as hv
 from hemivar.basics.units import Units
-from hemivar.laws import testing, vector_testing
+from hemivar.laws import testing
 from hemivar.studio.sliders import sliders_of
 from hemivar.studio.toml_numbers import numbers_of
 from tests.composition.cases import BESIDE, COUPLED, NORMALS
@@ -226,7 +226,7 @@ from tests.robustness.seeds import SEEDS
 
 law = hv.laws.Hardening(10.0, 0.05)
 testing.check_law(law)
-vector_testing.check_vector_law(hv.laws.Peeling(0.5, 0.01).at(None), reach=0.04)
+testing.check_vector_law(hv.laws.Peeling(0.5, 0.01).at(None), reach=0.04)
 hv.materials.check_material(hv.materials.Straight(6.5, 4.0))
 pages = {name: (DOCS / name).read_text() for name in ("laws.md", "problem-file.md", "evolution.md")}
 text = Path("march.toml").read_text()

@@ -21,8 +21,8 @@ from hemivar.laws import (
 )
 from hemivar.laws.coupled.friction_beside import FrictionBeside
 from hemivar.laws.superpotential import Interval
-from hemivar.laws.vector_law import Linearisation, Sides
-from hemivar.laws.vector_testing import check_vector_law
+from hemivar.laws.testing import check_vector_law
+from hemivar.laws.vector_law import Linearisation, Sides, at_normal_kink, snapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +98,9 @@ def test_what_follows_is_what_the_law_says(name: str, components: int) -> None:
             continue
         np.testing.assert_allclose(off, law.graph_distance(r, pair, tau), rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(fitted, law.fitted(r, pair, tau), atol=1e-15)
-    np.testing.assert_array_equal(one.snap_to_kinks(r, 1e-8)[:, 0], law.snap_to_kinks(r, 1e-8)[:, 0])
-    for question in ("at_normal_kink", "admissible"):
-        np.testing.assert_array_equal(getattr(one, question)(r), getattr(law, question)(r), err_msg=question)
+    np.testing.assert_array_equal(snapped(one, r, 1e-8)[:, 0], snapped(law, r, 1e-8)[:, 0])
+    np.testing.assert_array_equal(at_normal_kink(one, r), at_normal_kink(law, r))
+    np.testing.assert_array_equal(one.admissible(r), law.admissible(r))
     for rate, expected in zip(one.rates, law.rates, strict=True):
         np.testing.assert_allclose(rate, expected)
     outside = np.full((1, components), 0.2)
@@ -206,7 +206,7 @@ def test_downhill_stays_in_the_valley_where_it_begins() -> None:
 
 def test_what_misses_a_kink_by_rounding_is_put_on_it() -> None:
     one = Primitive(LAWS["friction on rigid ground"])
-    found = one.snap_to_kinks(np.array([[-1e-10, 1e-10], [-1e-3, 1e-3]]), 1e-9)
+    found = snapped(one, np.array([[-1e-10, 1e-10], [-1e-3, 1e-3]]), 1e-9)
     np.testing.assert_array_equal(found, [[0.0, 0.0], [-1e-3, 1e-3]])
 
 

@@ -13,9 +13,8 @@ from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.coupled import BenzeggaghKenane, ModeDependentGlue
 from hemivar.laws.friction import Friction, PenetrationBound
-from hemivar.laws.testing import LawError
+from hemivar.laws.testing import LawError, check_graph
 from hemivar.laws.vector_law import OnGraph
-from hemivar.laws.vector_testing import check_graph
 from tests.laws.catalogue import LAWS
 
 GLUE = ModeDependentGlue(1.0, 1.6, 20.0, BenzeggaghKenane(0.2, 0.5, 2.0)).at(None)

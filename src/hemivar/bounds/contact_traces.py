@@ -33,7 +33,7 @@ from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import ContactLaw, VectorLaw
 from hemivar.laws.coupled.joined import join_laws
 from hemivar.laws.scalar_graph import is_straight
-from hemivar.laws.vector_law import lengths, splits
+from hemivar.laws.vector_law import frozen_at, lengths, snapped, splits
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.obstacles import obstacle_contact
 
@@ -336,11 +336,11 @@ def contact_traces(data: BodyData, parts: int = _PARTS) -> ContactTraces | None:
     axes = _joined([part[3] if one else _padded(part[3], width) for part in pieces])
     local = np.concatenate([_padded(part[4], width) for part in pieces]).reshape(-1, dim)
     near = KINK * _scale(data, local)
-    local = law.frozen_at(local).snap_to_kinks(local, near)
+    local = snapped(law, local, near)
     inside = law.admissible(local)
     beyond = float(np.abs(inside - local).max(initial=0.0))
     return ContactTraces(
-        data, facets, barycentric, shapes, weights, axes, inside.reshape(*weights.shape, dim), law.frozen_at(inside),
+        data, facets, barycentric, shapes, weights, axes, inside.reshape(*weights.shape, dim), frozen_at(law, inside),
         law, beyond, np.concatenate(uncut),
     )  # fmt: skip
 

@@ -20,6 +20,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.fem.stress_stiffness import refuse_stiffening
+from hemivar.laws.vector_law import frozen_at
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
@@ -115,7 +116,7 @@ def _is_stated(problem: DiscreteProblem, stated: ContactProblem, u: Array) -> bo
     size = float(np.abs(r).max(initial=0.0))
     for factor in (1.0, 0.5, 2.0):  # laws are told apart by what they allow
         at = own.law.admissible(factor * r + (factor - 1.0) * size)
-        laws = (own.law.frozen_at(at), problem.law.frozen_at(at))
+        laws = (frozen_at(own.law, at), frozen_at(problem.law, at))
         pairs.append((laws[0].nearest_multiplier(at, at), laws[1].nearest_multiplier(at, at)))
     for one, other in pairs:
         if one.shape != other.shape or np.abs(one - other).max(initial=0.0) > SAME * np.abs(one).max(initial=0.0):

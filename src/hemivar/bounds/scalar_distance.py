@@ -54,6 +54,7 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.discretize import refuse_evolution
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import snapped
 from hemivar.linear.definite import FEW
 from hemivar.linear.factorisation import Factorisation, factorise
 from hemivar.mechanics.conditions import DataField, ScalarData, VectorData
@@ -281,7 +282,7 @@ def _acting(contact: Contact, name: str, u: Array, wanted: Array, corners: Array
     def of(count: int) -> VectorLaw:
         return stated.take(np.repeat(np.arange(len(u)), count))
 
-    flat = of(u.shape[1]).snap_to_kinks(r.reshape(-1, column + 1), KINK * size)
+    flat = snapped(of(u.shape[1]), r.reshape(-1, column + 1), KINK * size)
     inside = of(u.shape[1]).admissible(flat)
     beyond = float(np.abs(inside - flat).max(initial=0.0))
     r = inside.reshape(r.shape)

@@ -23,7 +23,7 @@ from hemivar.basics.last_used import Recent
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import Chart, curve_above_at, spread
+from hemivar.laws.vector_law import Chart, curve_above_at, is_curve, spread
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.curves import Curves, negative_eigenvalues
 
@@ -172,7 +172,7 @@ class GraphChart(Curves):
     def _chart_of(self, index: IntArray) -> Chart:
         every = index.size == len(self.a) and bool((index == np.arange(index.size)).all())
         law, a, c = self.law if every else self.law.take(index), self.a[index], self.system.shape[1]
-        laid_out = law.is_curve(a, c) and not law.state_dependent  # at the apex of a cone tables take another side
+        laid_out = is_curve(law, a, c) and not law.state_dependent  # at the apex of a cone tables take another side
         return (law.chart(a, c) if laid_out else None) or Chart(law, a)
 
     @cached_property

@@ -24,6 +24,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import residual
 from hemivar.laws import MixedMode
 from hemivar.laws.normal_and_friction import NormalAndFriction
+from hemivar.laws.vector_law import frozen_at
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve
 from hemivar.solvers.solve import suited
 from hemivar.solvers.status import check_interrupt
@@ -322,7 +323,7 @@ class SolutionSearch:
         else:
             broken = np.random.default_rng(m).random((2**_COMBINED, m)) < np.linspace(0.0, 1.0, 2**_COMBINED)[:, None]
         rest = system.start(np.column_stack([np.full(m, -1e-9 * system.length_scale), np.zeros((m, d - 1))]))
-        glue = system.weights[:, None, None] * system.law.frozen_at(rest).linearise(rest).hessian
+        glue = system.weights[:, None, None] * frozen_at(system.law, rest).linearise(rest).hessian
         free, starts = system.free, []
         for choice in broken:
             matrix = system.matrix + la.block_diag(*np.where(choice[:, None, None], 0.0, glue))
@@ -374,7 +375,7 @@ class SolutionSearch:
         problem, contact = self.problem, self.problem.contact
         weights = contact.weights[:, None]
         for _ in range(_NEWTON):
-            line = problem.law.frozen_at(problem.local(u)).linearise(problem.local(u))
+            line = frozen_at(problem.law, problem.local(u)).linearise(problem.local(u))
             off = residual(problem, u, line.gradient)
             if off.below(self.controls.atol, self.controls.rtol):
                 return Solution(problem, u, line.gradient, Status.CONVERGED, off, "newton")

@@ -28,7 +28,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import StateBound, VectorLaw
 from hemivar.laws.coupled import bounded
-from hemivar.laws.vector_law import prox_jacobian
+from hemivar.laws.vector_law import prox, prox_jacobian
 from hemivar.linear.definite import REPEATED
 from hemivar.linear.products import portions
 
@@ -351,7 +351,7 @@ def _search(point: Point, margin: float, best: float, ceiling: Array | None) -> 
         step = np.minimum(tau, 0.5 / np.maximum(alpha, np.finfo(float).tiny))
         spread = np.concatenate([step[:, :1], np.repeat(step[:, 1:], d - 1, axis=1)], axis=1)
         x = r + spread * lam
-        image = np.where(point.active, law.prox(x, step), local)
+        image = np.where(point.active, prox(law, x, step), local)
         if not np.isfinite(image).all():
             break
         for candidate in (image, np.where(point.active, r, local)):

@@ -26,7 +26,7 @@ from hemivar.discrete.recession import CoercivityProof
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import polar, softens
+from hemivar.laws.vector_law import frozen_at, polar, softens
 from hemivar.linear.vectors import Vectors
 from hemivar.mesh.mesh import Mesh
 
@@ -490,7 +490,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
         friction, or has flown off.
         """
         r = real_array(r, "local displacements", 2, finite=False)
-        line = self.law.frozen_at(r).linearise(r)
+        line = frozen_at(self.law, r).linearise(r)
         bends = line.hessian[:, 0, 0] != 0.0
         far = np.abs(self.offset).max(initial=0.0), np.abs(r[bends | ~line.smooth[:, 0], 0]).max(initial=0.0)
         size, direction = polar(r[:, 1:])
@@ -515,7 +515,7 @@ class DiscreteProblem(PickleMixin, ReprMixin):
             r = contact.trace_of(u) - self.offset
             moved = contact.sizes @ np.abs(u)  # what may cancel in r
             sizes = vectors.largest(float(moved.max(initial=0.0)), float(np.abs(self.offset).max(initial=0.0)))
-            law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
+            law = frozen_at(self.law, r) if multiplier is None else self.law.frozen(r, multiplier)
             own = contact_energy(law, contact.weights, r, 1e-12 * float(sizes.max()))
             energy += float(vectors.total(own)[0])
         return energy

@@ -18,7 +18,7 @@ from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import StepMatrices
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import splits
+from hemivar.laws.vector_law import frozen_at, splits
 from hemivar.linear.definite import REPEATED
 from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
@@ -117,7 +117,7 @@ def slowed(bodies: StepMatrices, problem: DiscreteProblem, convexity_defect: flo
     """
     steepest = math.inf
     if not math.isfinite(convexity_defect):
-        law = problem.law.frozen_at(np.zeros((problem.contact_points, problem.contact.components)))
+        law = frozen_at(problem.law, np.zeros((problem.contact_points, problem.contact.components)))
         steepest = max(float(np.max(alpha, initial=0.0)) for alpha in law.weak_convexity)
     if not math.isfinite(steepest):
         resistance = regularising_viscosity(convexity_defect)

@@ -18,7 +18,7 @@ from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import lengths
+from hemivar.laws.vector_law import frozen_at, lengths
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.solvers import Status
 
@@ -231,7 +231,7 @@ def _least(law: StepLaw, r: Array) -> Array:
     if not lam.size:
         return lam
     for index, one in _undamped(law):
-        lam[index] = one.frozen_at(r[index]).nearest_multiplier(r[index], lam[index])
+        lam[index] = frozen_at(one, r[index]).nearest_multiplier(r[index], lam[index])
     return lam
 
 

@@ -37,7 +37,7 @@ from hemivar.evolution.stage import Stage, StageState, extrapolated_multiplier, 
 from hemivar.evolution.walk import Walk
 from hemivar.fem.load_line import LoadLine
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import weak_convexity_at
+from hemivar.laws.vector_law import frozen_at, weak_convexity_at
 from hemivar.linear.definite import REPEATED
 from hemivar.solvers import (
     Controls,
@@ -253,7 +253,7 @@ class StageSolver:
         if not any(alpha.any() for alpha in weak_convexity_at(problem.law, -problem.offset)):
             return -1.0
         law = problem.law
-        return self.constant(stage, law.frozen_at(-problem.offset) if law.state_dependent else law) - 1.0
+        return self.constant(stage, frozen_at(law, -problem.offset) if law.state_dependent else law) - 1.0
 
     def constant(self, stage: Stage, law: VectorLaw) -> float:
         """The constant c of a stage with a law that depends on no state, ``1 - c`` being its margin.

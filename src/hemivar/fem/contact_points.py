@@ -21,6 +21,7 @@ from hemivar.fem.mortar_basis import OWN
 from hemivar.fem.pairing import Pairing, paired
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, unit
 from hemivar.laws import ContactLaw, NoContact, VectorLaw, join_laws
+from hemivar.laws.vector_law import frozen_at
 from hemivar.mechanics.conditions import DataField
 from hemivar.mechanics.foundation import Contact, Side
 from hemivar.mechanics.instants import error_context
@@ -725,7 +726,7 @@ def _fixed_energy(contact: ContactPoints, law: VectorLaw, r: Array, rounding: fl
     allowed = law.penetrations
     inside = np.clip(r[:, 0], allowed.lower, allowed.upper)
     r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
-    values = np.broadcast_to(law.frozen_at(r).value(r), contact.count)
+    values = np.broadcast_to(frozen_at(law, r).value(r), contact.count)
     if not np.all(np.isfinite(values)):
         bad = int(np.flatnonzero(~np.isfinite(values))[0])
         assert contact.points is not None

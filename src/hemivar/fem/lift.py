@@ -17,6 +17,7 @@ from hemivar.discrete.space import Field
 from hemivar.fem.energy_integral import EnergyIntegral
 from hemivar.fem.near_kernel import near_kernel, node_slots
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import frozen_at
 from hemivar.linear.multilevel import Hierarchy
 
 __all__ = ["lifted", "linear_response"]
@@ -49,7 +50,7 @@ def _springs(contact: ContactPoints, law: VectorLaw, rest: Array, response: Arra
     """
     beside = rest.copy()
     beside[:, 0] += _BESIDE * np.maximum(np.abs(response[:, 0]), np.abs(rest[:, 0])) * np.sign(response[:, 0])
-    hessian = law.frozen_at(beside).linearise(beside).hessian
+    hessian = frozen_at(law, beside).linearise(beside).hessian
     stiff = contact.weights[:, None] * np.maximum(np.einsum("mcc->mc", hessian), 0.0)
     springs = sp.csr_array(contact.trace.T @ sp.diags_array(stiff.ravel()) @ contact.trace)
     springs.eliminate_zeros()

@@ -15,7 +15,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.laws import VectorLaw
-from hemivar.laws.vector_law import prox_jacobian, spread
+from hemivar.laws.vector_law import prox, prox_jacobian, spread
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["derivative_by_law"]
@@ -41,8 +41,8 @@ def derivative_by_law(
     wide = spread(tau, d)
     x = r + wide * multiplier
     P = prox_jacobian(system.law, x, tau)
-    base = system.law.prox(x, tau)
-    right = np.stack([((law.prox(x, tau) - base) / step).ravel() for law, step in changed], axis=1)
+    base = prox(system.law, x, tau)
+    right = np.stack([((prox(law, x, tau) - base) / step).ravel() for law, step in changed], axis=1)
     S = np.asarray(system.matrix).reshape(m, d, m * d)
     flow = np.einsum("jab,jbk->jak", P * wide[:, None, :] / system.weights[:, None, None], S).reshape(m * d, m * d)
     own = np.zeros((m, d, m, d))

@@ -17,7 +17,7 @@ from hemivar.laws.contact_chart import ContactChart, GraphTables, follow
 from hemivar.laws.crossings import Crossings, crossings, length_places, level_places
 from hemivar.laws.friction import Friction, NoFriction, OrthotropicFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
-from hemivar.laws.minimisers import piece_bounds
+from hemivar.laws.minimisers import nearest_pair, piece_bounds
 from hemivar.laws.normal_and_friction import NormalAndFriction
 from hemivar.laws.piecewise_law import stack
 from hemivar.laws.proof import Constant, Proof
@@ -25,7 +25,6 @@ from hemivar.laws.scalar_graph import (
     is_continuous,
     kink_within,
     local_minimiser,
-    nearest_knot,
     one_sided,
     prox_slope,
     radial_sides,
@@ -250,11 +249,9 @@ class ContactLaw(NormalAndFriction):
         follow(at_bound.jacobian, at_bound.multiplier, size, slopes, a[:, 0], normal.jacobian[:, 0, 0])
         return at_bound
 
-    def is_curve(self, a: Array, components: int) -> bool:
-        """Whatever the bound, where it depends on the state."""
-        if not self.state_dependent:
-            return super().is_curve(a, components)
-        return bool((a[:, 0] > self.normal.weak_convexity).all())
+    @property
+    def curve_above(self) -> tuple[Array, Array]:
+        return (self.normal.weak_convexity, np.zeros(1)) if self.state_dependent else self.weak_convexity
 
     def chart(self, a: Array, components: int) -> Chart | None:
         """As of every law, by tables; where a law is no curve these follow the piece that p lies on."""
@@ -368,24 +365,19 @@ class ContactLaw(NormalAndFriction):
             out[:, 1:] = np.maximum(local_minimiser(self.tangential, a[:, 1], size, old), 0.0)[:, None] * heading
         return out
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        out = r.copy()
-        knot = kink_within(self.normal, r[:, 0], near)
-        out[:, 0] = np.where(np.isfinite(knot), knot, r[:, 0])
-        if r.shape[1] > 1:
-            size = lengths(r[:, 1:])
-            knot = kink_within(self.tangential, size, near)
-            scale = np.where(np.isfinite(knot) & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
-            out[:, 1:] = r[:, 1:] * scale[:, None]
-        return out
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        size = lengths(r[:, 1:])
+        knot = kink_within(self.tangential, size, np.inf)
+        scale = np.where(size > 0.0, knot / np.where(size > 0.0, size, 1.0), 1.0)
+        return kink_within(self.normal, r[:, 0], np.inf), r[:, 1:] * scale[:, None]
 
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         out = r.copy()
-        out[:, 0] = nearest_knot(self.normal, r[:, 0], lam[:, 0], tau[:, 0])
+        out[:, 0] = nearest_pair(self.normal, r[:, 0], lam[:, 0], tau[:, 0])[0]
         if r.shape[1] > 1:
             (size, direction), force = polar(r[:, 1:]), lengths(lam[:, 1:])
             along = np.where(size > 0.0, np.einsum("mi,mi->m", direction, lam[:, 1:]), force)
-            length = np.maximum(nearest_knot(self.tangential, size, along, tau[:, 1], at_least=0.0), 0.0)
+            length = np.maximum(nearest_pair(self.tangential, size, along, tau[:, 1], at_least=0.0)[0], 0.0)
             # at rest the friction may point anywhere
             stays = self.tangential.distance(np.zeros_like(size), force)
             moves = np.hypot((size - length) / tau[:, 1], self.tangential.distance(length, along))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.arrays import CACHED
+from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ __all__ = [
     "knot_forces",
     "local_argmin",
     "local_minimisers",
+    "nearest_pair",
     "piece_bounds",
     "stationary_point",
 ]
@@ -60,6 +62,50 @@ def knot_forces(law: Superpotential, a: Array) -> tuple[Array, Array]:
     finite, (left, right) = np.isfinite(law.knots), law.knot_slopes()
     at = a[..., None] * np.where(finite, law.knots, 0.0)
     return np.where(finite, at + left, np.inf), np.where(finite, at + right, np.inf)
+
+
+def nearest_pair(
+    law: Superpotential, r: Array, lam: Array, tau: Array | float, at_least: float = -np.inf
+) -> tuple[Array, Array]:
+    """r, or the knot not below ``at_least`` that fits a pair better, and how far off it is; as ``graph_distance``."""
+    r, lam, tau, _ = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (r, lam, tau)), np.empty(law.rows))
+    shape: tuple[int, ...] = r.shape
+    off: Array = np.array(law.distance(r, lam)).ravel()
+    nearest, r, lam, tau = r.flatten(), r.ravel(), lam.ravel(), tau.ravel()
+
+    def miss(rows: IntArray | slice, at: Array, left: Array, right: Array) -> Array:
+        """How far off knots of some rows are, (k,) or several of each, (n, k)."""
+        apart = np.maximum(np.minimum(left, right) - lam[rows], lam[rows] - np.maximum(left, right))
+        fits = np.hypot((r[rows] - at) / tau[rows], np.maximum(apart, 0.0))
+        return fits if at_least == -np.inf else np.where(at >= at_least, fits, np.inf)
+
+    def take(rows: IntArray | slice, at: Array, misses: Array) -> None:
+        better = misses < off[rows]
+        if better.any():
+            nearest[rows], off[rows] = np.where(better, at, nearest[rows]), np.where(better, misses, off[rows])
+
+    if not law.searched:
+        left, right = law.knot_slopes()
+        for k in range(law.knots.shape[-1]):
+            knot, *sides = (np.broadcast_to(x[:, k], shape).ravel() for x in (law.knots, left, right))
+            take(slice(None), knot, miss(slice(None), knot, *sides))
+        return nearest.reshape(shape), off.reshape(shape)
+    behind, count = law.piece_of(r), law.searched
+    for step in (-1, 1):  # from the nearest knots outwards until the next one is farther than the best
+        first, going, done, width = behind - (step < 0), np.arange(r.size), 0, 4
+        while going.size:
+            check_time()
+            number = first[going] + step * np.arange(done, done + width)[:, None]
+            inside, flat = (number >= 0) & (number < count), np.clip(number, 0, count - 1).ravel()
+            some = law if law.rows == 1 else law.take(np.tile(going, width))
+            at, left, right = (x.reshape(number.shape) for x in (some.place_of(flat), *some.slopes_at(flat)))
+            misses = np.where(inside, miss(going, at, left, right), np.inf)
+            best = np.argmin(misses, axis=0)[None]
+            take(going, *(np.take_along_axis(x, best, axis=0)[0] for x in (at, misses)))
+            farther = np.abs(r[going] - at[-1]) / tau[going] >= off[going]
+            going = going[inside[-1] & ~farther]
+            done, width = done + width, int(min(2 * width, max(CACHED // max(going.size, 1), 1)))
+    return nearest.reshape(shape), off.reshape(shape)
 
 
 def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ from hemivar.laws.transformed import plus, secant
 from hemivar.laws.transformed.algebra import secant_stiffness
 from hemivar.laws.vector_law import VectorLaw, lengths, stores_slip
 
-__all__ = ["NormalAndFriction", "with_friction"]
+__all__ = ["NormalAndFriction", "damped", "with_friction"]
 
 
 class NormalAndFriction(Glue):
@@ -55,9 +55,6 @@ class NormalAndFriction(Glue):
     def in_increments(self, rate: float) -> Self:
         friction = friction_in_increments(self.friction, rate)
         return self if friction is self.friction else self.with_parts(friction=friction)
-
-    def damped(self, damping: Superpotential) -> Self:
-        return self.with_parts(plus(self.normal, damping))
 
     def at_rest(self) -> Self:
         if self.friction.profile.convex:
@@ -112,14 +109,6 @@ class NormalAndFriction(Glue):
             return self
         r, lam = np.asarray(r, dtype=float), np.asarray(lam, dtype=float)
         return replace(self, friction=self.friction.frozen(r[:, 0], lam[:, 0]))  # type: ignore[type-var]
-
-    def frozen_at(self, r: Array) -> Self:
-        if not self.state_dependent:
-            return self
-        lam = np.zeros(r.shape)
-        interval = self.pressures(r)
-        lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
-        return self.frozen(r, lam)
 
     def pressures(self, r: Array) -> Interval:
         ends = self.normal.domain
@@ -180,9 +169,6 @@ class NormalAndFriction(Glue):
             out[outside, 1:] *= (limit[outside] / size[outside])[:, None]
         return out
 
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self.normal.at_kink(r[:, 0])
-
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return past_peak(self.normal, r[:, 0], pull, near, slack)
 
@@ -190,8 +176,16 @@ class NormalAndFriction(Glue):
         return self.normal.debonding(r[:, 0])
 
 
-def with_friction(law: VectorLaw, what: str) -> NormalAndFriction:
+def with_friction(
+    law: VectorLaw, what: str, why: str = "needs a normal law with friction beside it"
+) -> NormalAndFriction:
     """The law as a normal law with friction, whichever way it may point; ``what`` asks for it in messages."""
     if not isinstance(law, NormalAndFriction):
-        raise MethodError(f"{law.not_separable}, and {what} needs a normal law with friction beside it")
+        raise MethodError(f"{law.not_separable}, and {what} {why}")
     return law
+
+
+def damped(law: VectorLaw, damping: Superpotential) -> VectorLaw:
+    """The law with another one of the penetration in parallel; one that couples opening and slip is refused."""
+    parts = with_friction(law, "damping of the normal rate", "is not known beside it; leave it out")
+    return parts.with_parts(plus(parts.normal, damping))

@@ -32,6 +32,7 @@ __all__ = [
     "separated",
     "stack",
     "stacked",
+    "taken_apart",
 ]
 
 #: The kind of number that columns hold.
@@ -453,12 +454,8 @@ class PiecewiseLaw(Superpotential):
     def take(self, index: IntArray) -> Superpotential:
         if not self.apart:
             return super().take(index)
-        where, owner = np.empty((2, self.rows), dtype=np.int64)
-        for k, (_, own) in enumerate(self.parts):
-            owner[own], where[own] = k, np.arange(own.size)
-        index = np.atleast_1d(np.asarray(index, dtype=np.int64))
-        chosen = [(law, np.flatnonzero(owner[index] == k)) for k, (law, _) in enumerate(self.parts)]
-        made = [(law.take(where[index[here]]), here) for law, here in chosen if here.size]
+        chosen = taken_apart([own for _, own in self.parts], index)
+        made = [(self.parts[k][0].take(own), here) for k, own, here in chosen]
         return made[0][0] if len(made) == 1 else stacked(made, self.name)
 
 
@@ -500,6 +497,16 @@ def stack(laws: Sequence[tuple[Superpotential, int]]) -> Superpotential:
     ends = np.cumsum([count for _, count in laws])
     points = [(law, np.arange(end - count, end)) for end, (law, count) in zip(ends, laws, strict=True)]
     return stacked(points, " + ".join(dict.fromkeys(law.name for law, _ in laws)))
+
+
+def taken_apart(parts: Sequence[IntArray], index: IntArray) -> list[tuple[int, IntArray, IntArray]]:
+    """Of points in parts some: the number of each part left, which of its points, and the numbers these then have."""
+    where, owner = np.empty((2, sum(own.size for own in parts)), dtype=np.int64)
+    for k, own in enumerate(parts):
+        owner[own], where[own] = k, np.arange(own.size)
+    index = np.atleast_1d(np.asarray(index, dtype=np.int64))
+    chosen = [(k, np.flatnonzero(owner[index] == k)) for k in range(len(parts))]
+    return [(k, where[index[here]], here) for k, here in chosen if here.size]
 
 
 def gathered_debonding(parts: Sequence[dict[str, Array]], indices: Sequence[IntArray]) -> dict[str, Array]:

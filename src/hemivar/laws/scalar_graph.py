@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.arrays import CACHED, ROUNDED
-from hemivar.basics.deadline import check_time
+from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.minimisers import piece_bounds
 from hemivar.laws.superpotential import Superpotential
@@ -21,7 +20,6 @@ __all__ = [
     "is_straight",
     "kink_within",
     "local_minimiser",
-    "nearest_knot",
     "one_sided",
     "part_of",
     "past_peak",
@@ -122,18 +120,12 @@ def is_straight(law: Superpotential) -> bool:
     return law.straight or all(bool(straightness(law, piece)[1].all()) for piece in pieces)
 
 
-def _one_sided_slopes(law: Superpotential, r: Array) -> tuple[Array, Array]:
-    """Derivatives of j to the left and to the right of each ``r (m,)``; -inf and +inf at the ends of the domain."""
-    left = law.derivative(r)
-    right = law.piece_derivative(np.asarray(np.sum(r[..., None] >= law.knots, axis=-1), dtype=np.int64), r)
-    bound = law.domain
-    return np.where(r <= bound.lower, -np.inf, left), np.where(r >= bound.upper, np.inf, right)
-
-
 def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     """The local minimiser of ``a/2 r^2 - b r + j(r)`` that is reached from ``r (m,)`` downhill."""
     points, energies = law.local_minimisers(a, b)
-    left, right = _one_sided_slopes(law, r)
+    (here, left, right), slope, ends = law._knot_at(r), law.derivative(r), law.domain
+    left = np.where(r < ends.lower, -np.inf, np.where(here, left, slope))
+    right = np.where(r > ends.upper, np.inf, np.where(here, right, slope))
     rising, falling = a * r - b + left, a * r - b + right
     valid = np.isfinite(energies)
     # A minimiser that misses r by rounding is the one next to r.
@@ -154,64 +146,6 @@ def local_minimiser(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
     return np.where(np.isfinite(target), target, np.nan)
 
 
-def nearest_knot(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
-    """r, or the knot of least ``hypot((r - knot) / tau, distance of lam to dj(knot))`` if that fits better.
-
-    Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
-    """
-    nearest, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
-    knots = law.knots
-    left, right = law.knot_slopes()
-    low, high = np.minimum(left, right), np.maximum(left, right)
-    shared = knots.shape[0] == 1 or knots.strides[0] == 0
-    width = knots.shape[-1]
-
-    def look(point: IntArray, index: IntArray) -> Array:
-        at = knots[0, index] if shared else knots[point, index]
-        row = point if low.shape[0] > 1 else np.zeros_like(point)
-        off = np.maximum(np.maximum(low[row, index] - lam[point], lam[point] - high[row, index]), 0.0)
-        usable = np.isfinite(at) & (at >= at_least)
-        return np.where(usable, np.hypot((r[point] - np.where(usable, at, 0.0)) / tau[point], off), np.inf)
-
-    def between(low_end: Array, high_end: Array) -> tuple[IntArray, IntArray]:
-        if shared:
-            return np.searchsorted(knots[0], low_end), np.searchsorted(knots[0], high_end, side="right")
-        return (knots < low_end[:, None]).sum(axis=1), (knots <= high_end[:, None]).sum(axis=1)
-
-    every = np.arange(r.size)
-    after = between(r, r)[0]
-    for side in (after - 1, after):  # the two knots around r first
-        index = np.clip(side, 0, width - 1)
-        off = look(every, index)
-        better = off < best
-        best = np.where(better, off, best)
-        nearest = np.where(better, knots[0, index] if shared else knots[every, index], nearest)
-    reach = best * tau
-    first, last = between(r - reach, r + reach)
-    count = last - first
-    starts = np.concatenate([[0], np.cumsum(count)])
-    point = 0
-    while point < r.size:
-        check_time()
-        stop = max(int(np.searchsorted(starts, starts[point] + CACHED, side="right")) - 1, point + 1)
-        rows = np.repeat(every[point:stop], count[point:stop])
-        begins = starts[point:stop] - starts[point]
-        index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
-        some = np.flatnonzero(count[point:stop] > 0)
-        if some.size:
-            off = look(rows, index)
-            least = np.minimum.reduceat(off, begins[some])
-            here = np.flatnonzero(off == np.repeat(least, count[point:stop][some]))
-            _, which = np.unique(rows[here], return_index=True)
-            chosen = here[which]  # the first of the best ones
-            better = least < best[point:stop][some]
-            rows, index = rows[chosen][better], index[chosen][better]
-            best[rows] = least[better]
-            nearest[rows] = knots[0, index] if shared else knots[rows, index]
-        point = stop
-    return nearest
-
-
 def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[Array, Array, Array, Array]:
     """Derivatives below and above ``r (m,)``, and curvatures there.
 
@@ -219,25 +153,15 @@ def one_sided(law: Superpotential, r: Array, tau: Array, slack: float) -> tuple[
 
     The latter only at a knot where nothing but the curvature jumps: others were decided by the multiplier.
     """
-    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
-    lefts, rights = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
-    rows = np.arange(r.size)
     for before in (1, 0):
-        at = np.clip(law.piece_of(r) - before, 0, knots.shape[-1] - 1)
+        at = np.clip(law.piece_of(r) - before, 0, (law.searched or law.knots.shape[-1]) - 1)
+        knot, (left, right) = law.place_of(at), law.slopes_at(at)
         with np.errstate(invalid="ignore", under="ignore"):
-            near = np.abs(r - knots[rows, at]) <= slack * tau
-            r = np.where(near & (np.abs(rights[rows, at] - lefts[rows, at]) <= slack), knots[rows, at], r)
-    piece = law.piece_of(r)
-    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
-    knot = knots[rows, at]
-    here = (r == knot) & np.isfinite(knot)
-    left, right = lefts[rows, at], rights[rows, at]
-    after = np.where(here, at + 1, piece)
-    slope = np.broadcast_to(law.piece_derivative(piece, r), r.shape)
-    bend = (np.broadcast_to(law.piece_curvature(i, r), r.shape) for i in (piece, after))
-    below, above = np.where(here, left, slope), np.where(here, right, slope)
-    low, high = (np.array(b) for b in bend)
-    return below, above, low, high
+            r = np.where((np.abs(r - knot) <= slack * tau) & (np.abs(right - left) <= slack), knot, r)
+    (here, left, right), piece = law._knot_at(r), law.piece_of(r)
+    slope = law.piece_derivative(piece, r)
+    low, high = (np.array(np.broadcast_to(law.piece_curvature(i, r), r.shape)) for i in (piece, piece + here))
+    return np.where(here, left, slope), np.where(here, right, slope), low, high
 
 
 def steepest(law: Superpotential, rest: Array, sign: float, size: float) -> Array:

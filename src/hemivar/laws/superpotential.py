@@ -18,7 +18,6 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from hemivar.basics.arrays import CACHED
 from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -315,48 +314,7 @@ class Superpotential(PickleMixin, ABC):
         the distance to the graph of dj in the norm in which ``tau`` makes displacement and multiplier alike.  It is
         a backward error: zero exactly on the graph, and small when r misses a kink by rounding only.
         """
-        r = np.asarray(r, dtype=float)
-        lam = np.asarray(lam, dtype=float)
-        tau = np.asarray(tau, dtype=float)
-        best = self.distance(r, lam)
-        if self.searched:
-            return self._nearest_of_many(r, lam, tau, best)
-        left, right = self.knot_slopes()
-        knots = self.knots
-        for i in range(knots.shape[-1]):
-            low, high = np.minimum(left[..., i], right[..., i]), np.maximum(left[..., i], right[..., i])
-            off = np.maximum(np.maximum(low - lam, lam - high), 0.0)
-            best = np.minimum(best, np.hypot((r - knots[..., i]) / tau, off))
-        return best
-
-    def _nearest_of_many(self, r: Array, lam: Array, tau: Array, best: Array) -> Array:
-        """:meth:`graph_distance`, from the knots nearest to r outwards until the next one is farther than the best."""
-        r, lam, tau, best = np.broadcast_arrays(r, lam, tau, best)
-        out, r, lam, tau = best.ravel().copy(), r.ravel(), lam.ravel(), tau.ravel()
-        behind, count, rows = self.piece_of(r), self.searched, None if self.rows == 1 else np.arange(r.size)
-        for step in (-1, 1):
-            first = behind - 1 if step < 0 else behind
-            open_, done, width = np.arange(r.size), 0, 4
-            while True:
-                knot = first[open_, None] + step * np.arange(done, done + width)
-                valid = (knot >= 0) & (knot < count)
-                knot = np.clip(knot, 0, count - 1)
-                law = self if rows is None else self.take(np.repeat(rows[open_], width))
-                left, right = (s.reshape(knot.shape) for s in law.slopes_at(knot.ravel()))
-                off = np.maximum(
-                    np.maximum(np.minimum(left, right) - lam[open_, None], 0.0),
-                    lam[open_, None] - np.maximum(left, right),
-                )
-                apart = (r[open_, None] - law.place_of(knot.ravel()).reshape(knot.shape)) / tau[open_, None]
-                nearest = np.where(valid, np.hypot(apart, off), np.inf).min(axis=1)
-                out[open_] = np.minimum(out[open_], nearest)
-                going = valid[:, -1] & (np.abs(apart[:, -1]) < out[open_])
-                open_ = open_[going]
-                if not open_.size:
-                    break
-                done += width
-                width = int(min(2 * width, max(CACHED // open_.size, 1)))
-        return out.reshape(best.shape)
+        return minimisers.nearest_pair(self, r, lam, tau)[1]
 
     # ---- the local problem ---------------------------------------------------------------------------
 

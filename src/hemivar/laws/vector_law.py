@@ -11,12 +11,11 @@ import numpy as np
 from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.errors import MethodError
 from hemivar.laws.crossings import Crossings, level_places
 from hemivar.laws.minimisers import FAR
 from hemivar.laws.proof import Constant, Proof, beside, in_class_of, of_alpha
 from hemivar.laws.sides import Sides, lengths, most_resisted, polar, rest_forces, sides_of
-from hemivar.laws.superpotential import Interval, Superpotential, taken
+from hemivar.laws.superpotential import Interval, taken
 
 __all__ = [
     "Chart",
@@ -25,12 +24,17 @@ __all__ = [
     "Sides",
     "VectorLaw",
     "alpha_is_one",
+    "at_normal_kink",
     "curve_above_at",
+    "frozen_at",
     "is_convex",
+    "is_curve",
     "lengths",
     "polar",
+    "prox",
     "prox_jacobian",
     "pulls",
+    "snapped",
     "softens",
     "splits",
     "spread",
@@ -153,16 +157,6 @@ class VectorLaw(PickleMixin, ABC):
         rate; a law of the place is itself."""
         return self
 
-    def damped(self, damping: Superpotential) -> VectorLaw:
-        """The law with another one of the penetration in parallel.
-
-        Raises
-        ------
-        MethodError
-            It couples opening and slip.
-        """
-        raise MethodError(f"{self.not_separable}, and damping of the normal rate is not known beside it; leave it out")
-
     def at_rest(self) -> VectorLaw:
         """The law of a body that does not slip, whose friction is as strong as it is at the rate 0."""
         return self
@@ -211,10 +205,6 @@ class VectorLaw(PickleMixin, ABC):
         r, lam : arrays (m, c)
             Local displacement and multiplier of the state; penetration and pressure are their first columns.
         """
-        return self
-
-    def frozen_at(self, r: Array) -> VectorLaw:
-        """Like :meth:`frozen`, at the pressure of the normal law: the element of dj_nu(r_nu) nearest to zero."""
         return self
 
     @property
@@ -271,7 +261,7 @@ class VectorLaw(PickleMixin, ABC):
             Compliance (length per force per area) that weighs displacement against multiplier, for the normal and
             the tangential part.
         """
-        return np.asarray(self.frozen_at(r)._offers(r, lam, tau)[1].min(axis=0))
+        return np.asarray(frozen_at(self, r)._offers(r, lam, tau)[1].min(axis=0))
 
     def crossings(self, r: Array, direction: Array) -> Crossings | None:
         """Where the law bends along ``r + t direction``, ``(m, c)`` each; None where it is not quadratic in between."""
@@ -408,19 +398,9 @@ class VectorLaw(PickleMixin, ABC):
                 break
         return r
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        """``r (m, c)`` with the parts that miss a kink by no more than ``near`` put on it."""
-        out, law = r.copy(), self.frozen_at(r)
-        normal, slip = law.kinks(r)
-        out[:, 0] = np.where(np.abs(r[:, 0] - normal) <= near, normal, r[:, 0])
-        out[:, 0] = np.where(law.at_normal_kink(out), out[:, 0], r[:, 0])
-        if r.shape[1] > 1:
-            out[:, 1:] = np.where((lengths(r[:, 1:] - slip) <= near)[:, None], slip, r[:, 1:])
-        return out
-
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         """Where the law fits a pair best, (m, c): ``r`` itself or, part by part, a knot; as :meth:`graph_distance`."""
-        places, off = self.frozen_at(r)._offers(r, lam, tau)
+        places, off = frozen_at(self, r)._offers(r, lam, tau)
         return np.asarray(places[np.argmin(off, axis=0), np.arange(len(r))])
 
     def sides(self, r: Array, lam: Array, active: BoolArray, tau: Array, slack: float) -> list[Sides]:
@@ -436,11 +416,7 @@ class VectorLaw(PickleMixin, ABC):
         slack : float
             What is nothing, of a multiplier.
         """
-        return sides_of(self.frozen_at(r), r, lam, active, tau, slack)
-
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        """Whether the penetration of ``r (m, c)`` sits on a kink, (m,)."""
-        return ~self.linearise(r).smooth[:, 0]
+        return sides_of(frozen_at(self, r), r, lam, active, tau, slack)
 
     def moves(self, r: Array, small: float) -> BoolArray:
         """Which points count as moving sideways, (m,): those with a slip above ``small``."""
@@ -492,7 +468,8 @@ class VectorLaw(PickleMixin, ABC):
     def curve_above(self) -> tuple[Array, Array]:
         """Stiffness for the normal and the tangential part, above which :meth:`on_graph` has one answer, (m,) or (1,).
 
-        It is :attr:`weak_convexity`; for laws of the whole state the larger one and their Lipschitz constant.
+        It is :attr:`weak_convexity`, of the penetration alone where the friction bound depends on the state. For laws
+        of the whole state it is the larger one and their Lipschitz constant.
         """
         normal, tangential = self.weak_convexity
         if not self.depends_on_whole_state:
@@ -500,22 +477,13 @@ class VectorLaw(PickleMixin, ABC):
         both = np.maximum(normal, tangential) + self.lipschitz
         return both, both
 
-    def is_curve(self, a: Array, components: int) -> bool:
-        """Whether :meth:`on_graph` has one answer: ``a (m, 2)`` is :attr:`curve_above`."""
-        least = self.curve_above[: min(components, 2)]
-        return all(bool((a[:, k] > bound).all()) for k, bound in enumerate(least))
-
     def chart(self, a: Array, components: int) -> Chart | None:
         """:meth:`on_graph` with one stiffness, for many questions; None where it tells nothing.
 
-        So it is where the law is no curve (:meth:`is_curve`), or a bound that depends on the state has no derivative.
+        So it is where the law is no curve (:func:`is_curve`), or a bound that depends on the state has no derivative.
         """
         known = self.follows_state or not self.state_dependent
-        return Chart(self, a) if known and self.is_curve(a, components) else None
-
-    def prox(self, x: Array, tau: Array) -> Array:
-        """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""
-        return self.local_argmin(1.0 / tau, x / spread(tau, x.shape[1]))
+        return Chart(self, a) if known and is_curve(self, a, components) else None
 
 
 def splits(law: VectorLaw) -> bool:
@@ -550,9 +518,45 @@ def alpha_is_one(law: VectorLaw) -> bool:
     return bool(np.isfinite(law.weak_convexity[1]).all())
 
 
+def frozen_at(law: VectorLaw, r: Array) -> VectorLaw:
+    """A law as :meth:`VectorLaw.frozen` at ``r (m, c)`` and its pressure there: the one nearest to zero."""
+    if not law.state_dependent:
+        return law
+    lam, ends = np.zeros(r.shape), law.pressures(r)
+    lam[:, 0] = np.clip(0.0, ends.lower, ends.upper)
+    return law.frozen(r, lam)
+
+
+def at_normal_kink(law: VectorLaw, r: Array) -> BoolArray:
+    """Whether the penetration of ``r (m, c)`` sits on a kink of a law, (m,)."""
+    return ~frozen_at(law, r).linearise(r).smooth[:, 0]
+
+
+def snapped(law: VectorLaw, r: Array, near: float) -> Array:
+    """``r (m, c)`` with the parts that miss a kink of a law by no more than ``near`` put on it."""
+    out, law = r.copy(), frozen_at(law, r)
+    normal, slip = law.kinks(r)
+    out[:, 0] = np.where(np.abs(r[:, 0] - normal) <= near, normal, r[:, 0])
+    out[:, 0] = np.where(at_normal_kink(law, out), out[:, 0], r[:, 0])
+    if r.shape[1] > 1:
+        out[:, 1:] = np.where((lengths(r[:, 1:] - slip) <= near)[:, None], slip, r[:, 1:])
+    return out
+
+
+def is_curve(law: VectorLaw, a: Array, components: int) -> bool:
+    """Whether :meth:`VectorLaw.on_graph` has one answer: ``a (m, 2)`` is :attr:`VectorLaw.curve_above`."""
+    least = law.curve_above[: min(components, 2)]
+    return all(bool((a[:, k] > bound).all()) for k, bound in enumerate(least))
+
+
+def prox(law: VectorLaw, x: Array, tau: Array) -> Array:
+    """Proximal map of a law with step ``tau (m, 2)`` for the normal and the tangential part."""
+    return law.local_argmin(1.0 / tau, x / spread(tau, x.shape[1]))
+
+
 def weak_convexity_at(law: VectorLaw, r: Array) -> tuple[Array, Array]:
     """alpha of both parts of a law, frozen at the pressure of the normal law."""
-    return (law if alpha_is_one(law) else law.frozen_at(r)).weak_convexity
+    return (law if alpha_is_one(law) else frozen_at(law, r)).weak_convexity
 
 
 def curve_above_at(law: VectorLaw, r: Array, lam: Array) -> tuple[Array, Array]:

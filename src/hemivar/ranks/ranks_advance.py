@@ -25,6 +25,7 @@ from hemivar.evolution.stage_solver import StageSolution, StageSolver
 from hemivar.evolution.step_operator import StepOperators
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import frozen_at
 from hemivar.ranks.body_on_ranks import BodyOnRanks, body_of
 from hemivar.ranks.certificate import CyclesOnRanks
 from hemivar.ranks.evolution import EvolutionOnRanks, StepMatricesOnRanks
@@ -140,6 +141,6 @@ class MarginsOnRanks(Margins):
     def largest_step(self, taken: StepResult) -> float:
         """inf where the laws are convex, nan elsewhere."""
         problem = taken.stages[0].problem
-        alphas = problem.law.frozen_at(-problem.offset).weak_convexity if problem.contact_points else ()
+        alphas = frozen_at(problem.law, -problem.offset).weak_convexity if problem.contact_points else ()
         softens = any(np.any(alpha) for alpha in alphas)
         return math.nan if self.stepper.discrete.vectors.largest(float(softens))[0] else math.inf

@@ -11,6 +11,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.contact import selects
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.laws.vector_law import frozen_at
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import NESTED, Budget
 from hemivar.solvers.line_search import SearchLine
@@ -222,5 +223,5 @@ def _bent(system: Body) -> bool:
 
     From rest points lift a few at a time, and are put back all at once: where it does not matter, a body starts without
     its contact."""
-    law = system.law.frozen_at(system.local(np.zeros(system.load.shape)))
+    law = frozen_at(system.law, system.local(np.zeros(system.load.shape)))
     return bool(system.vectors.largest(float(any((alpha != 0.0).any() for alpha in law.weak_convexity)))[0])

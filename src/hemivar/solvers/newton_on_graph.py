@@ -31,7 +31,7 @@ from hemivar.discrete.residual import LoadScale, Residual, balanced
 from hemivar.errors import ProblemError
 from hemivar.laws import VectorLaw
 from hemivar.laws.contact_chart import ContactChart
-from hemivar.laws.vector_law import Chart, OnGraph, softens, spread
+from hemivar.laws.vector_law import Chart, OnGraph, is_curve, softens, spread
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
@@ -108,7 +108,7 @@ class GraphEquation:
         if above is not None:
             least = [np.broadcast_to(alpha, len(pair)) for alpha in above]
             pair = np.maximum(pair, 1.5 * np.stack(least, axis=1))
-        chart = law.chart(pair, d) if law.is_curve(pair, d) else None
+        chart = law.chart(pair, d) if is_curve(law, pair, d) else None
         if system.vectors.largest(float(chart is None))[0] or chart is None:
             return None
         return cls(system, chart, spread(pair, d), system.newton_equation())

@@ -21,7 +21,7 @@ from hemivar.discrete.residual import contact_compliance, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.stress_stiffness import geometric_stiffness, stressed_problem
-from hemivar.laws.vector_law import softens
+from hemivar.laws.vector_law import frozen_at, softens
 from hemivar.linear.definite import indefinite, lowest_quotient, positive
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import COARSEST
@@ -372,7 +372,7 @@ def _contact_blocks(problem: DiscreteProblem, displacement: Array, multiplier: A
     """What contact adds to the stiffness between its components at a place (n,), (m, c, c): stiff springs where it
     holds at a kink of its law."""
     r, c = problem.local(displacement), problem.contact.components
-    law = problem.law.frozen_at(r) if multiplier is None else problem.law.frozen(r, multiplier)
+    law = frozen_at(problem.law, r) if multiplier is None else problem.law.frozen(r, multiplier)
     if multiplier is not None:
         r = law.fitted(r, multiplier, contact_compliance(problem))
     line = law.linearise(r)

@@ -15,7 +15,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws.vector_law import prox_jacobian, spread
+from hemivar.laws.vector_law import prox, prox_jacobian, spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
@@ -121,7 +121,7 @@ class AugmentedLagrangian(Solver):
             if count % 20 == 0:
                 budget.check()
             r, lam = split(x)
-            p = system.law.prox(r + steps * lam, tau)
+            p = prox(system.law, r + steps * lam, tau)
             along = lam + (r - p) / steps
             first = -system.out_of_balance(r).ravel()[free] + columns * along.ravel()[free]
             return np.concatenate([rows * first / force_scale, (r - p).ravel()[free] / length])
@@ -193,7 +193,7 @@ class AugmentedLagrangianNewton(Solver):
         def out_of_balance(v: Array, lam: Array) -> tuple[Array, Array]:
             first = problem.load - problem.stiffness @ v - problem.contact_force(np.where(system.active, lam, 0.0))
             r = problem.local(v)
-            second = r - problem.law.prox(r + steps * lam, tau)
+            second = r - prox(problem.law, r + steps * lam, tau)
             return first, stiffness * second.ravel()[free]
 
         first, second = out_of_balance(u, state.lam)
@@ -235,7 +235,7 @@ class AugmentedLagrangianNewton(Solver):
         length = best[1]
         u = u + length * du
         lam = np.where(system.active, state.lam + length * dlam, 0.0)
-        local = problem.law.prox(problem.local(u) + steps * lam, tau)
+        local = prox(problem.law, problem.local(u) + steps * lam, tau)
         local = np.where(system.active, local, system.fixed)
         lam = np.where(system.active, lam, problem.law.nearest_multiplier(local, system.multiplier(local)))
         return State(local, lam, evaluations, memory=u)

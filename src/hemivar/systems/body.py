@@ -15,6 +15,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale, resting_multiplier
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import at_normal_kink
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_stiffness import ContactStiffness
@@ -169,7 +170,7 @@ class Body(OfUnknowns, ABC):
         if far.any():
             now = self.local(x)
             same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(self.offset))
-            same[:, 0] &= ~self.law.at_normal_kink(r)
+            same[:, 0] &= ~at_normal_kink(self.law, r)
             kept = self.unknown[same[self.active]]
             out[kept] = x[kept]
         return out

@@ -22,6 +22,7 @@ from hemivar.discrete.rigid_part import RigidPart
 from hemivar.errors import ProblemError
 from hemivar.fem.as_discrete import ProblemLike, as_discrete
 from hemivar.laws import VectorLaw
+from hemivar.laws.vector_law import at_normal_kink
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.systems.contact_system import OfProblem
 from hemivar.systems.dense_newton import DenseNewton
@@ -241,7 +242,7 @@ class CondensedProblem(OfProblem, PickleMixin):
         if self.origin is None:
             return r
         same = np.abs(r - self.local(x)) <= _SAME * np.abs(self.origin)
-        same[:, 0] &= ~self.law.at_normal_kink(r)
+        same[:, 0] &= ~at_normal_kink(self.law, r)
         same[:, 1:] &= r[:, 1:] != 0.0
         return np.where(same, x, r + self.origin)
 

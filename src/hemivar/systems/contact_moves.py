@@ -11,6 +11,7 @@ import numpy as np
 from hemivar.basics.arrays import ROUNDED
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import ContactLaw
+from hemivar.laws.vector_law import snapped
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.contact_system import ContactSystem
 
@@ -176,4 +177,4 @@ def moving_curvature(body: ContactSystem, curvature: Array, moving: BoolArray) -
 def snap_to_kinks(body: ContactSystem, r: Array) -> Array:
     """``r`` with the components that miss a kink by rounding put on it."""
     near = ROUNDED * float(body.vectors.largest(np.abs(r).max(initial=0.0))[0])
-    return np.where(body.active, body.law.snap_to_kinks(r, near), body.fixed)
+    return np.where(body.active, snapped(body.law, r, near), body.fixed)

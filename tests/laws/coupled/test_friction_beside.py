@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from hemivar.laws import BilinearCohesion, Compliance, MixedMode, VectorLaw
 from hemivar.laws.coupled.friction_beside import FrictionBeside
-from hemivar.laws.vector_testing import check_graph, check_vector_law
+from hemivar.laws.testing import check_graph, check_vector_law
 from tests.samples import slow
 
 

@@ -19,7 +19,7 @@ from hemivar.laws import (
     Softening,
     Tresca,
 )
-from hemivar.laws.vector_law import is_convex
+from hemivar.laws.vector_law import is_convex, is_curve
 from hemivar.solvers.newton_on_graph import GraphEquation, GraphPoint
 from hemivar.systems.newton_equation import Accuracy
 from tests.bodies import glued_plate, opened_point
@@ -165,8 +165,8 @@ def test_a_chart_is_as_stiff_in_either_direction_as_the_steeper_one_needs(streng
     least = np.stack([alpha + law.lipschitz for alpha in law.weak_convexity], axis=1)
     assert least.max() > 1.02 * least.min()
     between, above = 1.01 * least, np.full((1, 2), 1.01 * least.max())
-    assert not law.is_curve(between, 2)
-    assert law.is_curve(above, 2)
+    assert not is_curve(law, between, 2)
+    assert is_curve(law, above, 2)
     p = np.array([[-3.0, 1.0]])
     on = law.on_graph(p, above)
     np.testing.assert_allclose(above * on.r + on.multiplier, p, rtol=1e-12)
@@ -320,7 +320,7 @@ def test_laws_may_vary_over_the_boundary() -> None:
         (lambda: MixedMode(PEEK), "has two fracture energies, and a superpotential that debonds has "
         "one"),  # type: ignore[arg-type]
         (lambda: soft().value(np.zeros((1, 2))), "has no potential: a superpotential that debonds has one fracture"),
-        (lambda: soft().prox(np.zeros((1, 2)), np.ones((1, 2))), "has no potential"),
+        (lambda: soft().local_argmin(np.ones((1, 2)), np.zeros((1, 2))), "has no potential"),
         (lambda: soft().local_minimiser(np.ones((1, 2)), np.zeros((1, 2)), np.zeros((1, 2))), "has no potential"),
         (lambda: ModeDependentGlue(80.0, 100.0, 1e6, "bk"), "the criterion of law 'mode-dependent' is "
         "'bk'"),  # type: ignore[arg-type]

@@ -24,8 +24,8 @@ from hemivar.laws import (
 from hemivar.laws.coupled import own_coupled
 from hemivar.laws.coupled.plane_potential import PlanePotential
 from hemivar.laws.registry import COUPLED_LAWS
+from hemivar.laws.testing import check_vector_law
 from hemivar.laws.vector_law import is_convex
-from hemivar.laws.vector_testing import check_vector_law
 from tests.bodies import glued_plate, opened_point
 from tests.samples import sampled
 

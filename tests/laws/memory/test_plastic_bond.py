@@ -27,7 +27,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.coupled.shifted import ShiftedLaw
 from hemivar.laws.memory.contact_memory import MemoryState, kept
-from hemivar.laws.vector_testing import check_vector_law
+from hemivar.laws.testing import check_vector_law
 from tests.samples import slow
 
 #: mm, N, MPa; the hardening is rounded in the reference.

@@ -12,7 +12,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.coupled.orthotropic import OrthotropicLaw
-from hemivar.laws.piecewise_law import gathered_debonding
+from hemivar.laws.piecewise_law import gathered_debonding, taken_apart
 from hemivar.laws.proof import Constant, Proof, gathered
 from hemivar.laws.superpotential import Interval
 from hemivar.laws.vector_law import Chart, Linearisation, OnGraph, Sides, VectorLaw
@@ -47,6 +47,18 @@ def _given(law: JoinedLaw, given: tuple[object, ...]) -> list[tuple[VectorLaw, l
     ]
 
 
+def _of_all(question: str, fill: float | None = None) -> property:
+    """What is known of each point, as one array."""
+    return property(lambda law: law.gather([getattr(part, question) for part in law.parts], fill))
+
+
+def _of_both(question: str) -> cached_property[tuple[np.ndarray, ...]]:
+    """The same of several arrays, which are kept."""
+    return cached_property(
+        lambda law: tuple(map(law.gather, zip(*(getattr(part, question) for part in law.parts), strict=True)))
+    )
+
+
 def _whether(question: str) -> property:
     """Whether it is so for some part."""
     return property(lambda law: any(getattr(part, question) for part in law.parts))
@@ -78,12 +90,7 @@ class JoinedLaw(VectorLaw):
         return sum(index.size for index in self.indices)
 
     def take(self, index: IntArray) -> VectorLaw:
-        index = np.atleast_1d(np.asarray(index, dtype=np.int64))
-        owner, inner = np.empty(self._count, dtype=np.int64), np.empty(self._count, dtype=np.int64)
-        for k, rows in enumerate(self.indices):
-            owner[rows], inner[rows] = k, np.arange(rows.size)
-        here = [np.flatnonzero(owner[index] == k) for k in range(len(self.parts))]
-        chosen = [(law.take(inner[index[rows]]), rows) for law, rows in zip(self.parts, here, strict=True) if rows.size]
+        chosen = [(self.parts[k].take(own), here) for k, own, here in taken_apart(self.indices, index)]
         if len(chosen) == 1:
             return chosen[0][0]
         return JoinedLaw(tuple(law for law, _ in chosen), tuple(rows for _, rows in chosen))
@@ -115,17 +122,6 @@ class JoinedLaw(VectorLaw):
     def frozen(self, r: Array, lam: Array) -> VectorLaw:
         return self._each(lambda law, *own: law.frozen(*own), r, lam)
 
-    def frozen_at(self, r: Array) -> VectorLaw:
-        return self._each(lambda law, own: law.frozen_at(own), r)
-
-    @property
-    def lipschitz(self) -> Array:
-        return self.gather([law.lipschitz for law in self.parts])
-
-    @property
-    def steering(self) -> Array:
-        return self.gather([law.steering for law in self.parts])
-
     # ---- asked point by point ---------------------------------------------------------------------------
 
     value = _by_points("value")
@@ -138,14 +134,13 @@ class JoinedLaw(VectorLaw):
     local_minimiser = _by_points("local_minimiser")
     admissible = _by_points("admissible")
     recession = _by_points("recession")
-    snap_to_kinks = _by_points("snap_to_kinks")
     fitted = _by_points("fitted")
-    at_normal_kink = _by_points("at_normal_kink")
     moves = _by_points("moves")
     past_peak = _by_points("past_peak")
     resistance = _by_points("resistance")
     kinks_along = _by_points("kinks_along", np.nan)
     rubbed = _by_points("rubbed")
+    kinks = _several("kinks")  # type: ignore[assignment]
     strongest = _several("strongest")  # type: ignore[assignment]
     asymptotic_curvature = _several("asymptotic_curvature")  # type: ignore[assignment]
 
@@ -163,9 +158,6 @@ class JoinedLaw(VectorLaw):
     def joined(self, pairs: Sequence[OnGraph]) -> OnGraph:
         """Pairs of the parts as those of all points."""
         return OnGraph(*(self.gather(arrays) for arrays in zip(*(vars(pair).values() for pair in pairs), strict=True)))
-
-    def is_curve(self, a: Array, components: int) -> bool:
-        return all(law.is_curve(a[i], components) for law, i in zip(self.parts, self.indices, strict=True))
 
     def chart(self, a: Array, components: int) -> Chart | None:
         charts = [law.chart(a[i], components) for law, i in zip(self.parts, self.indices, strict=True)]
@@ -191,24 +183,13 @@ class JoinedLaw(VectorLaw):
         (n0, n1), (t0, t1) = ([self.gather([law.growth[k][i] for law in self.parts]) for i in (0, 1)] for k in (0, 1))
         return (n0, n1), (t0, t1)
 
-    @property
-    def rates(self) -> tuple[Array, Array, Array]:
-        up, down, slip = (self.gather([law.rates[k] for law in self.parts]) for k in range(3))
-        return up, down, slip
-
-    @property
-    def curve_above(self) -> tuple[Array, Array]:
-        normal, tangential = (self.gather([law.curve_above[k] for law in self.parts]) for k in range(2))
-        return normal, tangential
-
-    @cached_property
-    def _alphas(self) -> tuple[Array, Array]:
-        normal, tangential = (self.gather([law.weak_convexity[k] for law in self.parts]) for k in range(2))
-        return normal, tangential
-
-    @property
-    def weak_convexity(self) -> tuple[Array, Array]:
-        return self._alphas
+    lipschitz = _of_all("lipschitz")
+    steering = _of_all("steering")
+    rubs = _of_all("rubs")
+    penetration_knots = _of_all("penetration_knots", np.inf)
+    rates = _of_both("rates")  # type: ignore[assignment]
+    curve_above = _of_both("curve_above")  # type: ignore[assignment]
+    weak_convexity = _of_both("weak_convexity")  # type: ignore[assignment]
 
     def proof(self, constant: Constant) -> Proof:
         return gathered([law.proof(constant) for law in self.parts], self.gather)
@@ -217,14 +198,6 @@ class JoinedLaw(VectorLaw):
     def penetrations(self) -> Interval:
         ends = [law.penetrations for law in self.parts]
         return Interval(self.gather([end.lower for end in ends]), self.gather([end.upper for end in ends]))
-
-    @property
-    def penetration_knots(self) -> Array:
-        return self.gather([law.penetration_knots for law in self.parts], np.inf)
-
-    @property
-    def rubs(self) -> BoolArray:
-        return self.gather([law.rubs for law in self.parts])
 
 
 @dataclass(frozen=True, eq=False)

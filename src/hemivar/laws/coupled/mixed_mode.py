@@ -26,7 +26,7 @@ from hemivar.laws.parametrised import NamedLaw
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scalar_graph import is_continuous, kink_within, local_minimiser, steepest
 from hemivar.laws.superpotential import Interval, Superpotential
-from hemivar.laws.vector_law import Linearisation, lengths, polar
+from hemivar.laws.vector_law import Linearisation, is_curve, lengths, polar
 
 __all__ = ["MixedMode", "stated_compression"]
 
@@ -381,7 +381,7 @@ class MixedMode(Glue):
 
     def linearise(self, r: Array) -> Linearisation:
         smooth = np.ones((len(r), 2), dtype=bool)
-        smooth[:, 0] = ~self.at_normal_kink(r)
+        smooth[:, 0] = ~self._at_hook(r)
         hessian = self._bend(r, self.piece_of(self.effective(r)))
         hessian[~smooth[:, 0], 0, :] = hessian[~smooth[:, 0], :, 0] = 0.0
         return Linearisation(smooth, self._gradient(r), hessian)
@@ -434,7 +434,7 @@ class MixedMode(Glue):
     def local_argmin(self, a: Array, b: Array) -> Array:
         out = self._shut(a, b, None)
         opens = np.flatnonzero(b[:, 0] < 0.0)
-        if opens.size and self.is_curve(a, b.shape[1]):
+        if opens.size and is_curve(self, a, b.shape[1]):
             problem = self._problem(opens, a, b)
             out[opens] = self._of_opening(opens, b, problem.places(problem.only()[:, None])[:, 0])
         elif opens.size:
@@ -528,7 +528,7 @@ class MixedMode(Glue):
         knot = kink_within(self.compression, r[:, 0], np.inf)
         return np.where(np.isfinite(knot), knot, shut), none
 
-    def at_normal_kink(self, r: Array) -> BoolArray:
+    def _at_hook(self, r: Array) -> BoolArray:
         return self.compression.at_kink(r[:, 0])
 
     def moves(self, r: Array, small: float) -> BoolArray:

@@ -230,9 +230,6 @@ class ModeDependentGlue(Glue):
     def frozen(self, r: Array, lam: Array) -> MixedMode:
         return self._frozen(self.mode(r))
 
-    def frozen_at(self, r: Array) -> MixedMode:
-        return self._frozen(self.mode(r))
-
     def traction(self, r: Array) -> Array:
         """Multipliers (m, c) of states whose mode is their own; where the compression leaves a choice, the least."""
         return self.nearest_multiplier(r, np.zeros(r.shape))
@@ -424,26 +421,26 @@ class ModeDependentGlue(Glue):
     # ---- what is asked of a state, in its own mode -------------------------------------------------------
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
-        return self.frozen_at(r).nearest_multiplier(r, lam)
+        return self._frozen(self.mode(r)).nearest_multiplier(r, lam)
 
     def clamp(self, start: Array, end: Array) -> Array:
-        return self.frozen_at(start).clamp(start, end)
+        return self._frozen(self.mode(start)).clamp(start, end)
 
     def linearise(self, r: Array) -> Linearisation:
         """At the mode of r, which counts as constant."""
-        return self.frozen_at(r).linearise(r)
+        return self._frozen(self.mode(r)).linearise(r)
 
     def moves(self, r: Array, small: float) -> BoolArray:
-        return self.frozen_at(r).moves(r, small)
+        return self._frozen(self.mode(r)).moves(r, small)
 
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
-        return self.frozen_at(r).past_peak(r, pull, near, slack)
+        return self._frozen(self.mode(r)).past_peak(r, pull, near, slack)
 
     def debonding(self, r: Array) -> dict[str, Array]:
-        return self.frozen_at(r).debonding(r)
+        return self._frozen(self.mode(r)).debonding(r)
 
     def resistance(self, r: Array, lam: Array) -> Array:
-        return self.frozen_at(r).resistance(r, lam)
+        return self._frozen(self.mode(r)).resistance(r, lam)
 
     # ---- whatever the mode -------------------------------------------------------------------------------
 
@@ -524,7 +521,7 @@ class KeptModeGlue(ModeDependentGlue):
         return np.asarray(kept.secant_stiffness(known)), known
 
     def stored_energy(self, r: Array) -> Array:
-        return self.frozen_at(r).value(r)
+        return self._frozen(self.mode(r)).value(r)
 
     @property
     def lipschitz(self) -> Array:

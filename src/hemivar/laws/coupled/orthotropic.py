@@ -270,12 +270,6 @@ class OrthotropicLaw(NormalAndFriction):
 
     # ---- where a pair lies -------------------------------------------------------------------------------
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        out = r.copy()
-        out[:, :1] = self._plain.snap_to_kinks(r[:, :1], near)
-        out[lengths(r[:, 1:]) <= near, 1:] = 0.0
-        return out
-
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         out = r.copy()
         out[:, :1] = self._plain.fitted(r[:, :1], lam[:, :1], tau)

@@ -194,7 +194,7 @@ class OwnCoupledLaw(VectorLaw):
         normal, size, heading = self.split(inside)
         by_r, by_s = self.slopes_at(normal, size, np.where(normal > 0.0, 1.0, -1.0))
         out = np.concatenate([by_r[:, None], by_s[:, None] * heading], axis=1)
-        hook = self.at_normal_kink(inside)
+        hook = self._at_hook(inside)
         if hook.any():
             above = np.inf if self.rigid else self.slopes_at(normal, size, np.ones(len(normal)))[0]
             out[:, 0] = np.where(hook, np.clip(lam[:, 0], by_r, np.maximum(by_r, above)), by_r)
@@ -226,7 +226,7 @@ class OwnCoupledLaw(VectorLaw):
     def linearise(self, r: Array) -> Linearisation:
         c = r.shape[1]
         smooth = np.ones((len(r), 2), dtype=bool)
-        smooth[:, 0] = ~self.at_normal_kink(r)
+        smooth[:, 0] = ~self._at_hook(r)
         smooth[:, 1] = ~self._at_rest(r)
         keep = smooth[:, [0, *[1] * (c - 1)]]
         hessian = self.hessian(r) * (keep[:, :, None] & keep[:, None, :])
@@ -376,7 +376,7 @@ class OwnCoupledLaw(VectorLaw):
 
     # ---- where a pair lies -------------------------------------------------------------------------------
 
-    def at_normal_kink(self, r: Array) -> BoolArray:
+    def _at_hook(self, r: Array) -> BoolArray:
         return np.asarray((r[:, 0] == 0.0) & self.hooked)
 
     def resistance(self, r: Array, lam: Array) -> Array:

@@ -66,9 +66,6 @@ class LawBeside(VectorLaw):
         up, down, slip = self.base.strongest(self.seen(rest), size)
         return up, down, np.asarray(slip + self.beside)
 
-    def at_normal_kink(self, r: Array) -> BoolArray:
-        return self.base.at_normal_kink(self.seen(r))
-
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         return self.base.past_peak(self.seen(r), pull, near, slack)
 
@@ -166,8 +163,9 @@ class ShiftedLaw(LawBeside):
             return known
         return replace(known, values=of_alpha(known.whole(), lambda part: self.weak_convexity[part]).values)
 
-    def snap_to_kinks(self, r: Array, near: float) -> Array:
-        return self._back(self.base.snap_to_kinks(self.seen(r), near))
+    def kinks(self, r: Array) -> tuple[Array, Array]:
+        normal, slip = self.base.kinks(self.seen(r))
+        return normal, np.asarray(slip + self.shift)
 
     def fitted(self, r: Array, lam: Array, tau: Array) -> Array:
         return self._back(self.base.fitted(self.seen(r), self.without_pull(lam), tau))

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
 from hemivar.laws.named import LawKind, named
+from hemivar.laws.normal_and_friction import damped
 from hemivar.laws.parameters import LINE, RATE, parameter, positive
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Superpotential
@@ -124,7 +125,7 @@ class PenetrationMemory(Memory):
         b, _, keep, first, last = self._recursion(step)
         force = b * (keep * state["integral"] + first * step.before[:, 0])
         slope = np.broadcast_to(b * last, force.shape)[:, None]
-        return self.parts_of(law).damped(_spring(slope, force))
+        return damped(self.parts_of(law), _spring(slope, force))
 
     def advance(self, law: VectorLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         _, _, keep, first, last = self._recursion(step)

@@ -11,6 +11,7 @@ from hemivar.basics.arguments import described, expect
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
+from hemivar.laws.normal_and_friction import damped
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.transformed import affine
 from hemivar.laws.vector_law import VectorLaw
@@ -180,4 +181,4 @@ def law_of_step(
     made = memory.law(given, state, step)
     if damping is None:
         return made
-    return made.damped(affine(damping, step.rate, step.shift))
+    return damped(made, affine(damping, step.rate, step.shift))
