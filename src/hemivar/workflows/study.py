@@ -18,7 +18,7 @@ from hemivar.basics.content import digest_of
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
-from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
@@ -397,17 +397,9 @@ def study_digest(problem: ContactProblem, options: StudyOptions) -> str:
 
 
 @known_keywords
+@showing_options(StudyOptions)
 def study(
-    problem: ContactProblem | ManufacturedProblem | str | Path,
-    refine: int = 4,
-    *,
-    known: KnownField | Sequence[str] | None = None,
-    method: Solver | str | None = None,
-    controls: Controls | None = None,
-    jobs: int = 1,
-    checkpoint: str | Path | None = None,
-    exact: bool = False,
-    code: Sequence[str] = (),
+    problem: ContactProblem | ManufacturedProblem | str | Path, refine: int = StudyOptions.refine, **options: object
 ) -> Study:
     """Solve a problem on finer and finer meshes, and measure errors and orders of convergence.
 
@@ -425,20 +417,7 @@ def study(
     problem : ContactProblem, or path of a problem file
     refine : int
         How often the mesh is halved: ``refine + 1`` meshes.
-    known : KnownField or sequence of str, optional
-        The known solution, a formula for each component.
-    method : Solver or str, optional
-        Chosen for the finest mesh by default.
-    controls : Controls, optional
-        Tolerances and limits of each solve.
-    jobs : int
-        Processes that work at once.
-    checkpoint : str or Path, optional
-        A file that keeps the solutions; a second study continues from it.
-    exact : bool
-        Whether the error on each mesh is bounded as well.
-    code : sequence of str
-        Modules and files whose laws a problem file may name, as for :func:`hemivar.read_problem`.
+    **options
 
     Returns
     -------
@@ -450,9 +429,7 @@ def study(
     ProblemError, MethodError, FileError
         An option makes no sense, a solve is refused, or the file is that of another study.
     """
-    controls = Controls() if controls is None else controls
-    given = StudyOptions(refine, known, method, controls, jobs, checkpoint, exact=exact, code=code)
-    return result_of(studying(problem, given))
+    return result_of(studying(problem, StudyOptions(refine, **options)))  # type: ignore[arg-type]
 
 
 # ---- the meshes, one after the other or by processes -----------------------------------------------------------
