@@ -356,3 +356,21 @@ def test_units_stand_in_headings_and_records(block: Path, capsys: pytest.Capture
     assert "energy (mJ)" in capsys.readouterr().out
     assert cli.main(["march", str(block), "--until", "0.2", "--step", "0.1", "--json", "c.json", "-q"]) == 0
     assert json.loads(Path("c.json").read_text(encoding="utf-8"))["units"]["energy"] == "mJ"
+
+
+def test_halved_steps_of_a_problem_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.toml").write_text(template("bounce").replace("cells = [16, 8]", "cells = [2, 2]"))
+    begin = ["steps", "a.toml", "--until", "0.2", "--step", "0.05"]
+    files = ["--csv", "a.csv", "--latex", "a.tex", "--json", "a.json", "--plot", "a.png"]
+    assert cli.main([*begin, "--refine", "2", *files, "--set", "loads.body=['-sin(9*t)', 0]"]) == 1
+    out = capsys.readouterr().out
+    assert "reference         finest run" in out
+    assert "energy            too few runs for an order, relative error" in out
+    assert "step for 0.001    not known" in out
+    assert [run["step"] for run in json.loads(Path("a.json").read_text())["runs"]] == [0.05, 0.025, 0.0125]
+    assert Path("a.png").stat().st_size > 1000
+    assert cli.main([*begin, "--known", "t"]) == 2
+    assert "a.toml: the exact solution has 1 components" in capsys.readouterr().err

@@ -24,8 +24,8 @@ from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, Controls, Solution
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import Workspace
+from hemivar.workflows.convergence import observed_order
 from hemivar.workflows.events import Notice, Phase, Work
-from hemivar.workflows.observed_order import observed_order
 from hemivar.workflows.solving import from_coarser
 
 __all__ = [

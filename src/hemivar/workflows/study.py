@@ -6,7 +6,7 @@ import contextlib
 import math
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,15 +15,12 @@ import numpy as np
 
 from hemivar.basics.arguments import described, expect, expecting, whole_number
 from hemivar.basics.content import digest_of
-from hemivar.basics.display import ReprMixin, brief
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
-from hemivar.basics.portable import PickleMixin
 from hemivar.basics.processes import results
-from hemivar.basics.rows import Column, ResultRows, plain, two_decimals
-from hemivar.basics.types import Array, BoolArray, Record
+from hemivar.basics.rows import Claim, Column, ResultRows
+from hemivar.basics.types import Array
 from hemivar.basics.user_code import checked_code
 from hemivar.bounds import exact_distance
 from hemivar.bounds.exact_certificate import statement_of
@@ -43,14 +40,12 @@ from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.methods import as_method
 from hemivar.systems import Workspace
-from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
-from hemivar.workflows.observed_order import observed_order
+from hemivar.workflows.convergence import Convergence, ErrorLevel
+from hemivar.workflows.events import MethodEvent, Phase, StartEvent, WarningEvent, Work
 from hemivar.workflows.solving import from_coarser
 
-__all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
+__all__ = ["Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
 
-#: Errors that a study tells, by name.
-QUANTITIES = ("energy", "displacement", "pressure")
 #: Halvings that can be asked for.
 _MOST_REFINED = 12
 #: Bytes of a file with solutions that is read.
@@ -126,17 +121,13 @@ class StudyOptions:
             object.__setattr__(self, "known", KnownField(listed))
 
 
-@dataclass(frozen=True, eq=False)
-class StudyLevel(Notice):
-    """One mesh.
+@dataclass(frozen=True, eq=False, repr=False)
+class StudyLevel(ErrorLevel):
+    """One mesh, with its size and errors.
 
     Attributes
     ----------
     solution : Solution
-    size : float
-        The mesh size h: length of the longest edge.
-    energy, displacement, pressure : float
-        Errors, as :class:`Study` tells; nan while there is nothing to compare with.
     bound : float
         Bound of the error in the energy norm, guaranteed or on conditions; nan where none was asked for, inf where
         there is none.
@@ -147,15 +138,9 @@ class StudyLevel(Notice):
     """
 
     solution: Solution
-    size: float
-    energy: float = math.nan
-    displacement: float = math.nan
-    pressure: float = math.nan
     bound: float = math.nan
     unbounded: tuple[str, ...] = ()
     conditions: tuple[str, ...] = ()
-
-    __repr__ = brief
 
     @property
     def converged(self) -> bool:
@@ -163,8 +148,8 @@ class StudyLevel(Notice):
         return self.solution.status is Status.CONVERGED
 
 
-@dataclass(frozen=True, eq=False)
-class Study(ReprMixin, PickleMixin):
+@dataclass(frozen=True, eq=False, repr=False)
+class Study(Convergence):
     """What :func:`study` found.
 
     Attributes
@@ -186,31 +171,19 @@ class Study(ReprMixin, PickleMixin):
         Why the solutions could not be kept in their file; empty if they were, and if none was asked for.
     """
 
-    options: StudyOptions
     levels: tuple[StudyLevel, ...]
-    norms: Mapping[str, float]
-    reference: str
-    interrupted: bool = False
+    options: StudyOptions
     unkept: str = ""
 
-    def __repr__(self) -> str:
-        orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
-        h, count = self.sizes, len(self.levels)
-        meshes = f"{count} meshes, h {h[0]:.3g} to {h[-1]:.3g}"
+    each = "meshes"
+    measured_by = "mesh size h"
+
+    @property
+    def remark(self) -> str:
+        """The conditions of the bounds, or why there is none."""
         remarks = [f"if {' and '.join(level.conditions)}" for level in self.levels if level.conditions]
         remarks += [f"none, because {'; '.join(level.unbounded)}" for level in self.levels if level.unbounded]
-        bounds = f"; {self.kind_of_bound}: {remarks[-1]}" if remarks else ""
-        return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'}{bounds})"
-
-    @property
-    def sizes(self) -> Array:
-        """Mesh sizes h, from large to small."""
-        return np.array([level.size for level in self.levels])
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """Names of the errors that there are."""
-        return tuple(name for name in QUANTITIES if np.isfinite(self.errors(name)).any())
+        return f"; {self.kind_of_bound}: {remarks[-1]}" if remarks else ""
 
     @property
     def bounds(self) -> Array:
@@ -221,44 +194,6 @@ class Study(ReprMixin, PickleMixin):
     def kind_of_bound(self) -> str:
         """What the bounds are called: guaranteed, or conditional where some of them hold on conditions only."""
         return "conditional bound" if any(level.conditions for level in self.levels) else "guaranteed bound"
-
-    @property
-    def converged(self) -> bool:
-        """Whether all solves met their tolerances."""
-        return all(level.converged for level in self.levels)
-
-    def errors(self, quantity: str) -> Array:
-        """The errors of a quantity on each mesh, absolute.
-
-        Raises
-        ------
-        ProblemError
-            The quantity is not known.
-        """
-        if quantity not in QUANTITIES:
-            raise ProblemError(f"quantity '{quantity}' is not known; the quantities are {', '.join(QUANTITIES)}")
-        return np.array([getattr(level, quantity) for level in self.levels])
-
-    def relative(self, quantity: str) -> Array:
-        """The errors of a quantity over the norm of the reference; nan where that is zero."""
-        errors, norm = self.errors(quantity), self.norms[quantity]
-        return errors / norm if norm > 0.0 else np.full_like(errors, np.nan)
-
-    def steps(self, quantity: str) -> Array:
-        """Observed orders from each mesh to the next, ``log(e_k-1 / e_k) / log(h_k-1 / h_k)``; nan for the first."""
-        errors, sizes = self.errors(quantity), self.sizes
-        with np.errstate(divide="ignore", invalid="ignore"):
-            orders = np.log(errors[:-1] / errors[1:]) / np.log(sizes[:-1] / sizes[1:])
-        return np.concatenate([[np.nan], np.where(np.isfinite(orders), orders, np.nan)])
-
-    @cached_property
-    def orders(self) -> dict[str, float]:
-        """The order of each quantity, fitted to the errors on the finest four meshes that can be trusted.
-
-        Where the finest mesh is the reference, the mesh before it shares much of its error, which makes its own look
-        too small: it is left out.  nan with fewer than two meshes.
-        """
-        return {name: observed_order(self.sizes[self.trusted], self.errors(name)[self.trusted]) for name in QUANTITIES}
 
     def rows(self, *, relative: bool = False) -> ResultRows:
         """A row for each mesh: size, unknowns, errors, orders from the mesh before, bound, energy, force, status.
@@ -271,13 +206,8 @@ class Study(ReprMixin, PickleMixin):
             Column("h", self.sizes, "h", unit="length"),
             Column("unknowns", [solution.problem.unknowns for solution in solutions], "unknowns"),
             Column(None, status, "status"),
-            Column(None, [{} for _ in levels], "errors"),
-            Column(None, [{} for _ in levels], "orders"),
+            *self.error_columns(relative),
         ]
-        for name in self.quantities:
-            errors = self.relative(name) if relative else self.errors(name)
-            columns.append(Column(f"{name} error", errors, name, "errors", brief=name))
-            columns.append(Column(f"{name} order", self.steps(name), name, "orders", brief="order", cell=two_decimals))
         if not np.isnan(self.bounds).all():
             size = self.norms["energy"] if relative else 1.0
             columns.append(Column(self.kind_of_bound, np.where(np.isfinite(self.bounds), self.bounds, np.nan) / size))
@@ -298,21 +228,18 @@ class Study(ReprMixin, PickleMixin):
         ]
         return ResultRows(tuple(columns))
 
-    def record(self) -> Record:
-        """Plain numbers, lists and strings for JSON; what is not finite is null."""
-        return {
-            "reference": self.reference,
-            "norms": {name: plain(self.norms[name]) for name in self.quantities},
-            "orders": {name: plain(self.orders[name]) for name in self.quantities},
-            "interrupted": self.interrupted,
-            "meshes": plain(self.rows()[:]),
-        }
-
-    @property
-    def trusted(self) -> BoolArray:
-        """Which meshes are far enough from the reference, bool (k,)."""
-        count = len(self.levels)
-        return np.arange(count) < (count if self.reference == "exact solution" else max(count - 2, 0))
+    def claims(self) -> list[Claim]:
+        """What the errors are of, the fitted orders, and the bound on the finest mesh, or why there is none."""
+        claims, level, norm = super().claims(), self.levels[-1], self.norms["energy"]
+        if math.isfinite(level.bound):
+            relative = f", relative {level.bound / norm:.3g}" if norm > 0.0 else ""
+            sentence = f"{level.bound:.3g} in the energy norm on the finest mesh{relative}"
+            conditions = [f"if {' and '.join(level.conditions)}"] if level.conditions else []
+            claims += [Claim(self.kind_of_bound, sentence, level.bound), *(Claim("", one) for one in conditions)]
+        elif not math.isnan(level.bound):
+            claims.append(Claim("guaranteed bound", "none on the finest mesh"))
+            claims += [Claim("", f"because {reason}") for reason in level.unbounded]
+        return claims
 
 
 @expecting(options=StudyOptions)
@@ -499,7 +426,7 @@ def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOpt
 
 def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
     """A mesh, with its errors if the exact solution is known."""
-    level = StudyLevel(solution, mesh.size)
+    level = StudyLevel(mesh.size, solution)
     if not isinstance(options.known, KnownField):
         return level
     stated = solution.problem.origin
@@ -662,7 +589,7 @@ def _measured(
         levels = [*(_against_finest(level, finest, fine) for level in levels[:-1]), levels[-1]]
     size = math.sqrt(float(weights @ pressure**2))
     sizes = {"energy": norms.energy, "displacement": norms.mean_square, "pressure": size}
-    return Study(options, tuple(levels), MappingProxyType(sizes), reference, interrupted, unkept)
+    return Study(tuple(levels), MappingProxyType(sizes), reference, interrupted, options, unkept)
 
 
 def _against_finest(level: StudyLevel, finest: Solution, fine: ContactProblem) -> StudyLevel:
