@@ -40,7 +40,6 @@ class StudyCommand(OnProblem):
     known: opt.Known = None
     exact: opt.Exact = None
     method: opt.MethodName = None
-    jobs: opt.Jobs = 1
     checkpoint: opt.Checkpoint = None
     csv: opt.Csv = None
     latex: opt.Latex = None
@@ -69,7 +68,6 @@ class StudyCommand(OnProblem):
             self.known or None,
             solver,
             session.controls,
-            self.jobs,
             must_keep=self.checkpoint is not None,
             exact=bool(self.exact),
         )
