@@ -138,7 +138,7 @@ class PathCommand(OnProblem):
         _ = self.ends  # one that is not known is refused
 
     def work(self) -> Done:
-        from hemivar.report.path_diagrams import fitting_quantity, path_record, plot_path
+        from hemivar.report.path_diagrams import fitting_quantity, plot_path
         from hemivar.report.summary import Summary
         from hemivar.workflows import PathOptions, path
 
@@ -155,7 +155,7 @@ class PathCommand(OnProblem):
         print(f"\n{load_path.failure}")
         print_unsaid(Summary.of(load_path.claims()).lines(), load_path.problem.notes)
         quantity = fitting_quantity(load_path) if self.quantity is None else self.quantity
-        record = path_record(load_path, quantity)
+        record = load_path.record(quantity)
         units = session.stated.units
         unit = units.force if "force" in quantity else units.length
         draw = partial(plot_path, load_path, quantity=quantity, title=session.title, unit=unit)
