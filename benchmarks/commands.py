@@ -42,6 +42,7 @@ FIRST = {
     "identify": ["block.toml", "--data", "curve.csv", "--fit", "contact.bottom.normal.q_max=0.1:1", "--starts", "1"],
     "sweep": ["block.toml", "--set", "contact.bottom.normal.q_max=0.1:0.2:2", "--starts", "2"],
     "study": ["block.toml", "--refine", "1"],
+    "steps": ["block.toml", "--until", "1", "--step", "0.5", "--refine", "1"],
     "survey": ["--max-n", "8", "--no-bounds"],
     "march": ["march.toml"],
     "new": [],
@@ -109,9 +110,11 @@ compare wrong.toml | compare loose.toml | compare scalar.toml --methods newton,b
 study block.toml --refine 2 --csv a.csv --latex a.tex --json a.json --plot a.png
 study block.toml --refine 1 --coarser 2 --exact --checkpoint a.jsonl | study block.toml --coarser 9
 study block.toml --refine 1 --known 0 --known 0 | study block.toml --refine 1 --known 0 | study scalar.toml --refine 1
-study scalar.toml --refine 1 --exact | study block.toml --refine 1 --jobs 2 | study wrong.toml | study loose.toml
+study scalar.toml --refine 1 --exact | study wrong.toml | study loose.toml
 study block.toml --refine 1 --max-steps 1 | study block.toml --refine 0 | study units.toml --refine 1 --json a.json
 study block.toml --refine 1 --checkpoint curve.csv | study block.toml --refine 1 --set contact.bottom.gap=0.1
+steps march.toml --until 0.1 --step 0.02 --csv a.csv --latex a.tex --json a.json --plot a.png | steps block.toml
+steps march.toml --known 0 --until 0.1 --step 0.05 | steps block.toml --until 1 --step 0.5 --refine 1 | steps wrong.toml
 sweep block.toml --set contact.bottom.normal.q_max=0.1:0.4:3 --starts 2 --csv a.csv --latex a.tex --plot a.png
 sweep block.toml --set contact.bottom.normal.q_max=0.1:0.4:3:log --set loads.factor=1 --starts 2
 sweep block.toml --set contact.bottom.normal.q_max=-1:0.4:2 --set contact.bottom.gap=0.1 --starts 1 --checkpoint a.jsonl

@@ -15,7 +15,7 @@ from tests.sources import PACKAGE, sources, trees
 
 #: Calls whose first text is a message, by the name that is called, with what kind it is.
 _CALLS = {
-    "error": "error", "not_expressible": "error", "tell": "note", "warn": "warning", "print": "line",
+    "error": "error", "not_expressible": "error", "tell": "note", "warn": "warning", "print": "line", "Claim": "line",
     "WarningEvent": "warning", "append": "note",
 }  # fmt: skip
 _REMEDY = re.compile(r"remed", re.IGNORECASE)

@@ -237,7 +237,6 @@ UNTYPED = {
     "report.drawn_body": (2, "keywords of matplotlib"),
     "report.film_pictures": (2, "axes in the plane or in space; canvas of matplotlib"),
     "report.march_figures": (2, "keywords of matplotlib"),
-    "report.notebook": (2, "tables of values of any kind"),
     "report.loglog": (1, "keywords of matplotlib"),
     "report.mesh_figures": (1, "axes in the plane or in space"),
     "report.picture": (2, "parameters of matplotlib"),

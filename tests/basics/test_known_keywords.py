@@ -5,10 +5,12 @@ from __future__ import annotations
 import inspect
 import pickle
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import pytest
 
 import hemivar as hv
+from hemivar.basics.known_keywords import known_keywords, showing_options
 from tests.problems import square
 
 PROBLEM = square(n=2)
@@ -43,3 +45,53 @@ def test_signatures_and_pickles_stay() -> None:
     assert hv.solve.__doc__
     with pytest.raises(TypeError, match="missing"):
         hv.solve()
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How to cut.
+
+    Parameters
+    ----------
+    depth : float
+        How deep,
+        in metres.
+    angle, speed : float
+        Both.
+    tool : str
+
+    Notes
+    -----
+    None.
+    """
+
+    depth: float = 1.0
+    tool: str = "saw"
+
+
+def test_what_a_dataclass_says_of_its_fields_stands_in_the_help_of_a_function_that_takes_them() -> None:
+    @known_keywords
+    @showing_options(Cut)
+    def cut(body: str, depth: float = Cut.depth, **options: object) -> Cut:
+        """Cut.
+
+        Parameters
+        ----------
+        body : str
+        depth : float
+            Own words.
+        **options
+
+        Returns
+        -------
+        Cut
+        """
+        return Cut(depth, **options)  # type: ignore[arg-type]
+
+    text = inspect.getdoc(cut) or ""
+    assert "Own words.\ntool : str\n\nReturns" in text
+    assert "in metres" not in text
+    assert list(inspect.signature(cut).parameters) == ["body", "depth", "tool"]
+    assert cut("a", tool="axe") == Cut(1.0, "axe")
+    with pytest.raises(hv.errors.ProblemError, match="has no argument 'tol'; did you mean 'tool'"):
+        cut("a", tol="axe")

@@ -11,7 +11,7 @@ import pytest
 import hemivar as hv
 from hemivar.bounds import AdaptiveSolution, solve_adaptive
 from hemivar.bounds import adaptive as loop
-from hemivar.bounds.adaptive import solving_adaptive
+from hemivar.bounds.adaptive import AdaptOptions, solving_adaptive
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate
@@ -131,7 +131,7 @@ def test_where_it_ends() -> None:
     problem = survey("5.1", 4)
     assert solve_adaptive(problem, rtol=1e-9, max_unknowns=100).ended == "max_unknowns"
     assert solve_adaptive(problem, rtol=1e-9, max_time=1e-9).ended == "max_time"
-    running = solving_adaptive(problem, rtol=1e-9)
+    running = solving_adaptive(problem, AdaptOptions(rtol=1e-9))
     next(running)
     with pytest.raises(StopIteration) as ended:
         running.send(True)

@@ -11,7 +11,6 @@ import hemivar as hv
 from hemivar.branches import Path, follow_path
 from hemivar.cli.app import main
 from hemivar.errors import ProblemError
-from hemivar.report.path_diagrams import path_record
 
 GLUE = hv.laws.Adhesive(20.0, 0.2, softening=10.0, compression=50.0)
 
@@ -56,9 +55,9 @@ def test_constant_loads_are_counted_whole_at_every_point() -> None:
 
 def test_the_record_has_the_force_of_a_support_as_its_quantity() -> None:
     path = follow_path(glued_strip(True, False))
-    values = [row["value"] for row in path_record(path, "support.right.force.y")["points"]]  # type: ignore[attr-defined]
+    values = [row["value"] for row in path.record("support.right.force.y")["points"]]  # type: ignore[attr-defined]
     np.testing.assert_array_equal(values, path.reactions("right")[:, 1])
-    sizes = [row["value"] for row in path_record(path, "support.right.force")["points"]]  # type: ignore[attr-defined]
+    sizes = [row["value"] for row in path.record("support.right.force")["points"]]  # type: ignore[attr-defined]
     np.testing.assert_allclose(sizes, np.linalg.norm(path.reactions("right"), axis=1))
 
 

@@ -7,7 +7,6 @@ import pytest
 import hemivar as hv
 from hemivar.fem import LoadLine
 from hemivar.fem.small_strain import SMALL
-from hemivar.report.path_diagrams import path_record
 
 
 def shelf(load: float, **changes: object) -> hv.ContactProblem:
@@ -36,7 +35,7 @@ def test_paths(prescribed: bool, named: bool) -> None:
     assert whole.deformation.large
     (warning,) = path.warnings
     assert warning == f"at load factor 1 {whole.deformation.warning}"
-    assert path_record(path)["warnings"] == [warning]
+    assert path.record()["warnings"] == [warning]
     part = SMALL / max(whole.deformation.strain, whole.deformation.rotation)
     assert not followed(0.0, 0.95 * part).warnings
     assert followed(0.0, 1.02 * part).warnings

@@ -28,7 +28,9 @@ from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT, block_file
 from tests.samples import sampled
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
-COMMANDS = ("solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "sweep", "identify")
+COMMANDS = (
+    "solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "steps", "sweep", "identify",
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -270,8 +272,8 @@ def test_templates_are_listed_and_others_refused(tmp_path: Path, capsys: pytest.
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
-def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> None:
-    command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "8", "--jobs", "2"]
+def test_a_study_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> None:
+    command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "8"]
     kept = Path("a.jsonl")
     process = subprocess.Popen(
         [*command, "--checkpoint", "a.jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -280,7 +282,7 @@ def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Si
     late = time.monotonic() + 120.0
     while time.monotonic() < late and (not kept.exists() or kept.read_text().count("\n") < 4):
         time.sleep(0.01)
-    process.send_signal(end)  # to this process alone: the others end with it
+    process.send_signal(end)
     out, err = process.communicate(timeout=60)
     assert process.returncode == (130 if end is signal.SIGINT else -signal.SIGKILL), err
     done = kept.read_text().splitlines()
@@ -290,16 +292,12 @@ def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Si
         told = re.search(r"interrupted: (\d) of 9 meshes are done; run the same command to continue", out)
         assert told is not None
         assert int(told[1]) in (len(done) - 1, len(done) - 2)  # it may come when a mesh was kept and is to be told
-    late = time.monotonic() + 20.0
-    while time.monotonic() < late and others_of(process.pid):
-        time.sleep(0.05)
-    assert not others_of(process.pid)
     again = [*command, "--checkpoint", "a.jsonl", "--csv", "a.csv"]
     resumed = subprocess.run(again, capture_output=True, text=True, timeout=300)
     assert resumed.returncode == 0, resumed.stderr
     assert resumed.stdout.count(": kept\n") == len(done) - 1
     assert kept.read_text().splitlines()[: len(done)] == done
-    alone = [*command[:-1], "1", "--checkpoint", "b.jsonl", "--csv", "b.csv"]
+    alone = [*command, "--checkpoint", "b.jsonl", "--csv", "b.csv"]
     subprocess.run(alone, capture_output=True, timeout=300, check=True)
     assert Path("b.csv").read_bytes() == Path("a.csv").read_bytes()
 
@@ -356,3 +354,21 @@ def test_units_stand_in_headings_and_records(block: Path, capsys: pytest.Capture
     assert "energy (mJ)" in capsys.readouterr().out
     assert cli.main(["march", str(block), "--until", "0.2", "--step", "0.1", "--json", "c.json", "-q"]) == 0
     assert json.loads(Path("c.json").read_text(encoding="utf-8"))["units"]["energy"] == "mJ"
+
+
+def test_halved_steps_of_a_problem_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.toml").write_text(template("bounce").replace("cells = [16, 8]", "cells = [2, 2]"))
+    begin = ["steps", "a.toml", "--until", "0.2", "--step", "0.05"]
+    files = ["--csv", "a.csv", "--latex", "a.tex", "--json", "a.json", "--plot", "a.png"]
+    assert cli.main([*begin, "--refine", "2", *files, "--set", "loads.body=['-sin(9*t)', 0]"]) == 1
+    out = capsys.readouterr().out
+    assert "reference         finest run" in out
+    assert "energy            too few runs for an order, relative error" in out
+    assert "step for 0.001    not known" in out
+    assert [run["step"] for run in json.loads(Path("a.json").read_text())["runs"]] == [0.05, 0.025, 0.0125]
+    assert Path("a.png").stat().st_size > 1000
+    assert cli.main([*begin, "--known", "t"]) == 2
+    assert "a.toml: the exact solution has 1 components" in capsys.readouterr().err

@@ -42,6 +42,11 @@ MADE: dict[str, Callable[[], Any]] = {
     "solutions": lambda: hv.find_solutions(THREE),
     "history": lambda: hv.march(hv.Evolution(survey("5.1", 2)), 0.1, step=0.1),
     "study": lambda: hv.study(survey("5.1", 2), 2),
+    "in time": lambda: hv.workflows.result_of(
+        hv.workflows.study_time(
+            hv.Evolution(survey("5.1", 2)), hv.evolution.March(0.2, step=0.1), hv.workflows.TimeStudyOptions(2)
+        )
+    ),
     "sweep": lambda: hv.sweep(swept, {"q_max": [0.0, 0.5]}),
     "adaptive": lambda: hv.bounds.solve_adaptive(survey("5.1", 4), rtol=0.5),
 }
@@ -84,6 +89,7 @@ def test_every_class_that_shows_itself_is_tried_here(values: dict[str, Any]) -> 
 
     public = {kind for kind in below(ReprMixin) if kind.__module__.startswith("hemivar.")} - {ReprMixin}
     assert {one.__name__ for one in public} <= {type(one).__name__ for one in values.values()} | {
+        "Convergence",
         "ScalarProblem",
         "Statement",
     }

@@ -55,6 +55,9 @@ def test_nine_curves_fall(small: Small) -> None:
 
 def test_methods_agree(small: Small) -> None:
     result, _ = small
+    runs = result.runs.rows()
+    assert len(runs) == sum(len(level.solutions) for level in result.runs.meshes)
+    assert {row["method"]: row["difference"] for row in runs}["newton"] == 0.0
     columns = result.methods_table().columns
     for row in result.methods_table().rows:
         cells = dict(zip(columns, row, strict=True))

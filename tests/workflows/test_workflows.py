@@ -44,7 +44,7 @@ from hemivar.workflows import (
     solving,
 )
 from hemivar.workflows.comparison import energy_norm_difference
-from hemivar.workflows.observed_order import observed_order
+from hemivar.workflows.convergence import observed_order
 
 from ..problems import bar, square
 

@@ -69,6 +69,11 @@ RIGHT: dict[str, dict[str, object]] = {
         "measure": lambda found, made: {"energy": found.energy},
     },
     "study_law": {"name": "softening"},
+    "study_time": {
+        "evolution": EVOLUTION,
+        "plan": hv.evolution.March(1.0, step=1.0),
+        "options": workflows.TimeStudyOptions(1),
+    },
     "studying": {"problem": PROBLEM},
     "survey": {"options": None},
     "sweep": {"problem": same_problem, "axes": {"a": [1.0]}},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
@@ -37,20 +38,30 @@ def known_keywords(function: Callable[Given, Result]) -> Callable[Given, Result]
 
 
 def showing_options(kind: type) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
-    """Decorator: ``help`` shows the fields of a dataclass in the place of ``**options``, which are passed on to it."""
+    """Decorator: ``help`` shows the fields of a dataclass, and what it says of them, in the place of ``**options``,
+    which are passed on to it."""
 
     def shown(function: Callable[Given, Result]) -> Callable[Given, Result]:
         own = inspect.signature(function)
         taken = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
-        options = (
+        options = [
             one.replace(kind=one.KEYWORD_ONLY)
             for one in inspect.signature(kind).parameters.values()
             if one.name not in own.parameters
-        )
+        ]
         function.__signature__ = own.replace(parameters=[*taken, *options])  # type: ignore[attr-defined]
+        said = "".join(_said(kind).get(one.name, "") for one in options)
+        function.__doc__ = inspect.getdoc(function) and f"{inspect.getdoc(function)}\n".replace("**options\n", said)
         return function
 
     return shown
+
+
+def _said(kind: type) -> dict[str, str]:
+    """What a dataclass says under Parameters, by the names of its fields."""
+    section = re.search(r"\nParameters\n-+\n((?:.+\n)+)", f"{inspect.getdoc(kind)}\n")
+    entries = re.findall(r"^\w.*\n(?: .*\n)*", section[1] if section else "", re.MULTILINE)
+    return {entry.partition(" :")[0]: entry for entry in entries}
 
 
 def known_fields(kind: Class) -> Class:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import SAME
 from hemivar.basics.display import ReprMixin, brief
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
@@ -45,7 +46,7 @@ from hemivar.mechanics.statement import ContactProblem, expect_body, refuse_area
 from hemivar.solvers import Controls, Solution, Solver, Status, solve
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["AdaptiveLevel", "AdaptiveSolution", "solve_adaptive", "solving_adaptive"]
+__all__ = ["AdaptOptions", "AdaptiveLevel", "AdaptiveSolution", "solve_adaptive", "solving_adaptive"]
 
 #: Bytes for each cell at the peak of bounding the distance, measured and rounded upwards.
 _BYTES = {2: 6e3, 3: 3e4}
@@ -226,55 +227,15 @@ class AdaptiveSolution(ReprMixin):
         )
 
 
-def solve_adaptive(
-    problem: ContactProblem | ManufacturedProblem, *, rtol: float = 0.01, **options: object
-) -> AdaptiveSolution:
-    """Refine the mesh where it is needed until a solution is known to be near to the exact one.
+@dataclass(frozen=True)
+class AdaptOptions:
+    """How to solve adaptively; see :func:`solve_adaptive`.
 
     Parameters
     ----------
-    problem : ContactProblem
-        With linear elements, or quadratic ones in the plane, on the mesh to begin with.
     rtol : float
         Relative distance in the energy norm to the exact solution, ``|u - u_h|_a <= rtol |u_h|_a``; with a goal its
         relative error.
-    **options
-        Those of :func:`solving_adaptive`.
-
-    Returns
-    -------
-    AdaptiveSolution
-        Always; ``ended`` says whether it was reached, ``remedy`` what to do where it was not.
-
-    Raises
-    ------
-    ProblemError
-        Elements are quadratic in space, no distance to an exact solution is known for the problem, or it has no such
-        goal.
-    """
-    return result_of(solving_adaptive(problem, rtol=rtol, **options))  # type: ignore[arg-type]
-
-
-def solving_adaptive(
-    problem: ContactProblem | ManufacturedProblem,
-    *,
-    rtol: float = 0.01,
-    goal: Goal | str | None = None,
-    share: float = 0.5,
-    max_unknowns: int = 300_000,
-    max_time: float = math.inf,
-    max_memory: float = math.inf,
-    method: Solver | str | None = None,
-    controls: Controls | None = None,
-) -> Generator[AdaptiveLevel, bool | None, AdaptiveSolution]:
-    """:func:`solve_adaptive` mesh by mesh: yields each, ends after it if it is sent True.
-
-    An interruption ends it with the meshes that were finished, if there are any.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-    rtol : float
     goal : Goal or str, optional
         A quantity of interest, such as ``"contact.bottom.force"`` (:func:`hemivar.bounds.goal_named`): cells are marked
         by what they add to its error, and it ends where the guaranteed interval of this quantity is within rtol of its
@@ -290,16 +251,67 @@ def solving_adaptive(
         Bytes; no mesh is begun that is predicted to need more, or more than is free.
     method : Solver or str, optional
         For every mesh, or its name; chosen by its size by default.
-    controls : Controls, optional
+    controls : Controls
         Of every solve.
 
-    Yields
+    Raises
     ------
-    AdaptiveLevel
-        Every mesh; the generator returns an :class:`AdaptiveSolution`.
+    ProblemError
+        A number is not positive, or the share more than 1.
+    """
+
+    rtol: float = 0.01
+    goal: Goal | str | None = None
+    share: float = 0.5
+    max_unknowns: int = 300_000
+    max_time: float = math.inf
+    max_memory: float = math.inf
+    method: Solver | str | None = None
+    controls: Controls = field(default_factory=Controls)
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "share", "max_time", "max_memory", "max_unknowns"):
+            value = getattr(self, name)
+            if not number(value, name, "give a positive number") > 0.0:
+                raise ProblemError(f"{name} = {value}; give a positive number")
+        if self.share > 1.0:
+            raise ProblemError(f"share = {self.share}; give the share of the error in the marked cells, at most 1")
+
+
+@known_keywords
+@showing_options(AdaptOptions)
+def solve_adaptive(problem: ContactProblem | ManufacturedProblem, **options: object) -> AdaptiveSolution:
+    """Refine the mesh where it is needed until a solution is known to be near to the exact one.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        With linear elements, or quadratic ones in the plane, on the mesh to begin with.
+    **options
+
+    Returns
+    -------
+    AdaptiveSolution
+        Always; ``ended`` says whether it was reached, ``remedy`` what to do where it was not.
+
+    Raises
+    ------
+    ProblemError
+        Elements are quadratic in space, no distance to an exact solution is known for the problem, or it has no such
+        goal.
+    """
+    return result_of(solving_adaptive(problem, AdaptOptions(**options)))  # type: ignore[arg-type]
+
+
+def solving_adaptive(
+    problem: ContactProblem | ManufacturedProblem, options: AdaptOptions
+) -> Generator[AdaptiveLevel, bool | None, AdaptiveSolution]:
+    """:func:`solve_adaptive` mesh by mesh: yields each, ends after it if it is sent True.
+
+    An interruption ends it with the meshes that were finished, if there are any.
     """
     began = time.perf_counter()
-    problem, wanted = _checked(problem, rtol, share, max_unknowns, max_time, max_memory, goal)
+    rtol, (problem, wanted) = options.rtol, _checked(problem, options.goal)
     levels: list[AdaptiveLevel] = []
     constants: TraceBounds | None = None
     refused = ""
@@ -311,7 +323,7 @@ def solving_adaptive(
                 constants = body_constants(discrete, workspace)
                 started = time.perf_counter()
             initial = None if not levels else _initial(levels[-1].solution, discrete)
-            solution = solve(discrete, method, controls, initial=initial, workspace=workspace)
+            solution = solve(discrete, options.method, options.controls, initial=initial, workspace=workspace)
             workspace.forget()
             if levels and solution.status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
                 ended = AdaptiveEnd.of(solution.status)
@@ -322,18 +334,18 @@ def solving_adaptive(
             now = time.perf_counter()
             levels.append(AdaptiveLevel(solution, distance, indicator, now - began, value))
             stop = yield levels[-1]
-            last = _ended(levels[-1], rtol, stop, max_unknowns)
+            last = _ended(levels[-1], rtol, stop, options.max_unknowns)
             if last is not None:
                 ended = last
                 break
             indicator = distance.added(constants) if levels[-1].estimated(rtol) else levels[-1].indicator
-            mesh = refined_alike(problem, largest_share(indicator, share))
+            mesh = refined_alike(problem, largest_share(indicator, options.share))
             grown = mesh.number_of_cells / problem.mesh.number_of_cells
-            if time.perf_counter() - began + grown * (now - started) > max_time:
+            if time.perf_counter() - began + grown * (now - started) > options.max_time:
                 ended = AdaptiveEnd.MAX_TIME
                 break
             needed = _BYTES[mesh.dim] * mesh.number_of_cells * (1.0 if wanted is None else 2.0)
-            if refused := _too_large(needed, max_memory):
+            if refused := _too_large(needed, options.max_memory):
                 ended = AdaptiveEnd.MAX_MEMORY
                 break
             problem = replace(problem, mesh=mesh)
@@ -364,25 +376,13 @@ def solving_adaptive(
 
 
 def _checked(
-    problem: ContactProblem | ManufacturedProblem,
-    rtol: float,
-    share: float,
-    max_unknowns: int,
-    max_time: float,
-    max_memory: float,
-    goal: Goal | str | None,
+    problem: ContactProblem | ManufacturedProblem, goal: Goal | str | None
 ) -> tuple[ContactProblem, Goal | None]:
     """The problem on a mesh that is fine enough to begin with, and the goal."""
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
     problem = expect_body(problem, "what to solve adaptively", remedy)
     refuse_areas(problem, "an adaptive solve")
     refuse_stiffening(problem, "an adaptive solve")
-    limits = (("rtol", rtol), ("share", share), ("max_time", max_time), ("max_memory", max_memory))
-    for name, value in (*limits, ("max_unknowns", max_unknowns)):
-        if not number(value, name, "give a positive number") > 0.0:
-            raise ProblemError(f"{name} = {value}; give a positive number")
-    if share > 1.0:
-        raise ProblemError(f"share = {share}; give the share of the error in the marked cells, at most 1")
     if problem.order != 1 and problem.mesh.dim != 2:
         raise ProblemError(
             "in 3D the distance to the exact solution is bounded for linear elements only; use order = 1"

@@ -12,7 +12,7 @@ from hemivar.basics.arguments import number
 from hemivar.basics.deadline import Budget
 from hemivar.basics.display import brief
 from hemivar.basics.generators import result_of
-from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.rows import Column, ResultRows
 from hemivar.branches.follow import PathOptions, following
 from hemivar.branches.path import SAME_LOAD, Path
@@ -47,9 +47,9 @@ class BracketOptions:
     upto : float
         The largest load factor, > 0.
     max_time : float
-        Limit in seconds.
-    constant : names
-        Loads that do not grow: ``"body"`` and names of boundaries with a traction.
+        Limit in seconds; the bracket is then that reached so far.
+    constant : sequence of names
+        Loads that do not grow, such as the own weight: ``"body"`` and names of boundaries with a traction.
 
     Raises
     ------
@@ -59,13 +59,13 @@ class BracketOptions:
 
     upto: float = 5.0
     max_time: float = np.inf
-    constant: tuple[str, ...] = ()
+    constant: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if not 0.0 < number(self.upto, "upto", "give the largest load factor") < np.inf:
             raise ProblemError(f"upto is {self.upto}; give the largest load factor, a finite number > 0")
         Budget(self.max_time)
-        load_names(self.constant)
+        object.__setattr__(self, "constant", load_names(self.constant))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,13 +140,9 @@ class LoadBracket:
 
 
 @known_keywords
+@showing_options(BracketOptions)
 def load_bracket(
-    problem: ProblemLike,
-    upto: float = 5.0,
-    *,
-    max_time: float = np.inf,
-    constant: Sequence[str] = (),
-    workspace: Workspace | None = None,
+    problem: ProblemLike, upto: float = BracketOptions.upto, *, workspace: Workspace | None = None, **options: object
 ) -> LoadBracket:
     """Bracket the load that a body carries to 1 %.
 
@@ -164,12 +160,9 @@ def load_bracket(
         The problem at load factor 1.
     upto : float
         The largest load factor.
-    max_time : float
-        Limit in seconds; the bracket is then that reached so far.
-    constant : sequence of names, optional
-        Loads that do not grow, such as the own weight: ``"body"`` and names of boundaries with a traction.
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
+    **options
 
     Returns
     -------
@@ -193,7 +186,8 @@ def load_bracket(
     >>> round(bracket.carried, 2), round(bracket.not_carried, 2)
     (1.98, 2.0)
     """
-    return result_of(bracketing(problem, BracketOptions(upto, max_time, load_names(constant)), workspace=workspace))
+    given = BracketOptions(upto, **options)  # type: ignore[arg-type]
+    return result_of(bracketing(problem, given, workspace=workspace))
 
 
 def bracketing(

@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
 import numpy as np
 
 from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.deadline import Budget
 from hemivar.basics.generators import result_of
-from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.follower import Follower, PathProgress, Quantity, Track
 from hemivar.branches.graph_chart import GraphChart, chart_of
@@ -59,14 +58,16 @@ class PathOptions:
     max_points : int
         Limit of the points.
     max_time : float
-        Limit in seconds.
+        Limit in seconds; the path then ends where it is, and says so.
     largest_step : float
-        Of the arc length, as a part of the displacement under the load, or of that reached so far if it is larger.
+        Largest step on curved pieces, relative to the range and to a typical displacement at its largest load, or that
+        reached so far if it is larger.
     until : mapping of name to value
-        The path ends where one of these quantities has its value, such as ``max-opening``, or ``opening:tip`` for the
-        contact boundary ``tip`` alone.
-    constant : names
-        Loads that do not grow: ``"body"`` and names of boundaries with a traction.
+        The path ends where one of these quantities passes its value, such as ``{"max-opening": 0.1}``.  Names are those
+        of ``hemivar path --quantity``; ``{"opening:tip": 0.1}`` is the largest opening on the contact boundary ``tip``.
+        A value that is passed twice within one step is not seen.
+    constant : sequence of names
+        Loads that do not grow, such as the own weight: ``"body"`` and names of boundaries with a traction.
 
     Raises
     ------
@@ -79,7 +80,7 @@ class PathOptions:
     max_time: float = np.inf
     largest_step: float = 0.02
     until: Mapping[str, float] = field(default_factory=dict)
-    constant: tuple[str, ...] = ()
+    constant: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         ends = tuple(self.load_factor) if isinstance(self.load_factor, Iterable) else ()
@@ -92,7 +93,7 @@ class PathOptions:
         if not number(self.largest_step, "largest_step") > 0.0:
             raise ProblemError(f"largest_step is {self.largest_step}; it must be positive")
         checked_until(self.until)
-        load_names(self.constant)
+        object.__setattr__(self, "constant", load_names(self.constant))
 
     def ends(self, contact: ContactPoints) -> tuple[Quantity, ...]:
         """Numbers that are zero where the path ends."""
@@ -105,18 +106,15 @@ def _beyond(quantity: PathQuantity, points: IntArray, weights: Array, value: flo
 
 
 @known_keywords
+@showing_options(PathOptions)
 def follow_path(
     problem: ProblemLike,
-    load_factor: tuple[float, float] = (0.0, 1.0),
+    load_factor: tuple[float, float] = PathOptions.load_factor,
     *,
     unloaded: DiscreteProblem | None = None,
     start: Solution | Array | None = None,
-    max_points: int = 2000,
-    largest_step: float = 0.02,
-    max_time: float = np.inf,
-    until: Mapping[str, float] = MappingProxyType({}),
-    constant: Sequence[str] = (),
     workspace: Workspace | None = None,
+    **options: object,
 ) -> Path:
     """Follow the equilibria of a body while its load grows, also where it must fall again (folds).
 
@@ -142,21 +140,9 @@ def follow_path(
         prescribed displacements (see :class:`LoadLine`).
     start : Solution or array (n,), optional
         Equilibrium near the lower end; by default load stepping from the unloaded body.
-    max_points : int
-        Limit of points.
-    largest_step : float
-        Largest step on curved pieces, relative to the range and to a typical displacement at its largest load, or that
-        reached so far if it is larger.
-    max_time : float
-        Limit in seconds; the path then ends where it is, and says so.
-    until : mapping of name to value, optional
-        The path ends where one of these quantities passes its value, such as ``{"max-opening": 0.1}``.  Names are those
-        of ``hemivar path --quantity``; ``{"opening:tip": 0.1}`` is the largest opening on the contact boundary ``tip``.
-        A value that is passed twice within one step is not seen.
-    constant : sequence of names, optional
-        Loads that do not grow, such as the own weight: ``"body"`` and names of boundaries with a traction.
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
+    **options
 
     Returns
     -------
@@ -169,8 +155,8 @@ def follow_path(
     ProblemError
         The range is empty, nothing grows, no equilibrium was found at its lower end, or ``until`` names nothing known.
     """
-    options = PathOptions(load_factor, max_points, max_time, largest_step, until, load_names(constant))
-    return result_of(following(problem, options, unloaded=unloaded, start=start, workspace=workspace))
+    given = PathOptions(load_factor, **options)  # type: ignore[arg-type]
+    return result_of(following(problem, given, unloaded=unloaded, start=start, workspace=workspace))
 
 
 def following(

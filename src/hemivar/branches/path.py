@@ -11,8 +11,9 @@ from hemivar.basics.arguments import suggest
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import PickleMixin
-from hemivar.basics.rows import Claim, Column, ResultRows
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.rows import Claim, Column, ResultRows, plain
+from hemivar.basics.types import Array, BoolArray, Record
+from hemivar.branches.path_quantities import QUANTITIES
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -20,6 +21,7 @@ from hemivar.fem import LoadLine
 from hemivar.fem.contact_basis import nodal_depths
 from hemivar.linear.factorisation import factorise
 from hemivar.solvers.boundary_result import friction_of
+from hemivar.solvers.numbers_by_name import parted
 
 __all__ = ["SAME_LOAD", "Bifurcation", "Fold", "Path", "PathEnd", "PathJump"]
 
@@ -312,6 +314,66 @@ class Path(PickleMixin, ReprMixin):
             Column("max penetration", self.max_penetration, "max_penetration", unit="length"),
         )
         return ResultRows(columns)
+
+    def along(self, quantity: str, local: Array | None = None, multiplier: Array | None = None) -> Array:
+        """A quantity by its name, such as ``"max-opening"``, at the points (k,); or at other places and forces.
+
+        ``"support.NAME.force"`` is the size of the force of a support, ``"support.NAME.force.x"`` a component.
+
+        Raises
+        ------
+        ProblemError
+            The quantity is not known.
+        """
+        if (parts := parted(quantity)) is not None and parts[0] == "support":
+            forces, axis = self.reactions(parts[1]), parts[2]
+            if axis is not None and axis >= forces.shape[1]:
+                raise ProblemError(f"quantity '{quantity}': forces have {forces.shape[1]} components; leave it out")
+            return np.asarray(np.linalg.norm(forces, axis=1) if axis is None else forces[:, axis])
+        if quantity not in QUANTITIES:
+            raise ProblemError(f"quantity '{quantity}' is not known; the quantities are {', '.join(QUANTITIES)}")
+        local = self.local if local is None else local
+        depth = nodal_depths(self.problem, local[:, :, 0].T).T
+        seen = np.concatenate([depth[:, :, None], local[:, :, 1:]], 2)
+        pressed = self.multiplier if multiplier is None else multiplier
+        return QUANTITIES[quantity].evaluate(self.problem.contact.weights, seen, pressed)
+
+    def record(self, quantity: str = "max-penetration") -> Record:
+        """Plain numbers and lists for JSON.
+
+        ``points`` holds for each point its row and ``value``, the chosen ``quantity``. ``folds``, ``bifurcations`` and
+        ``jumps`` name points by number; ``single_point`` tells where one contact point lets go alone,
+        ``single_point_size`` up to which weight of a point none does; ``interpolated`` that the place after a jump is
+        none of a solution.
+        """
+        values = self.along(quantity).tolist()
+        jumps = [
+            {
+                "load_factor": jump.load_factor,
+                "point": jump.index,
+                "loading": jump.loading,
+                "max_penetration_after": None
+                if jump.local is None
+                else float(nodal_depths(self.problem, jump.local[:, 0]).max()),
+                "interpolated": jump.interpolated,
+                "single_point": jump.snaps,
+            }
+            for jump in self.jumps
+        ]
+        turns = self.bifurcations
+        return {
+            "limit_load": self.limit_load,
+            "first_instability": self.first_instability,
+            "quantity": quantity,
+            "points": plain([{**row, "value": value} for row, value in zip(self.rows(), values, strict=True)]),
+            "folds": [{"load_factor": f.load_factor, "point": f.index, "single_point": f.snaps} for f in self.folds],
+            "bifurcations": [{"load_factor": point.load_factor, "point": point.index} for point in turns],
+            "jumps": jumps,
+            "single_point_size": self.snap_size,
+            "ended": self.ended,
+            "perturbed": self.perturbed,
+            "warnings": list(self.warnings),
+        }
 
     def claims(self) -> list[Claim]:
         """Its points, folds, branch points, jumps and warnings; :attr:`failure` says where the body fails."""

@@ -12,7 +12,7 @@ from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.deadline import Budget, limited
 from hemivar.basics.display import ReprMixin
 from hemivar.basics.generators import result_of
-from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.rows import Column, ResultRows
 from hemivar.basics.types import Array
 from hemivar.branches.enumeration import enumerate_points
@@ -135,11 +135,11 @@ class SolutionsOptions:
     max_solutions : int
         Stop after so many.
     seed : int
-        Of the random starts.
+        Of the random starts; any will do.
     controls : Controls
-        Tolerances and limits of each solve.
+        Tolerances of the solves; ``max_time`` limits the whole search.
     enumerate_up_to : int
-        Combinations of pieces of the law that are tried one by one.
+        Largest number of combinations of pieces of the law that are all tried; 0 for the search from many starts.
 
     Raises
     ------
@@ -160,16 +160,8 @@ class SolutionsOptions:
 
 
 @known_keywords
-def find_solutions(
-    problem: ProblemLike,
-    *,
-    starts: int = 40,
-    max_solutions: int = 100,
-    enumerate_up_to: int = 20_000,
-    seed: int = 0,
-    controls: Controls | None = None,
-    workspace: Workspace | None = None,
-) -> SolutionSet:
+@showing_options(SolutionsOptions)
+def find_solutions(problem: ProblemLike, *, workspace: Workspace | None = None, **options: object) -> SolutionSet:
     """Find the equilibria of a problem; ``exhaustive`` on the result says whether all were found.
 
     >>> import hemivar as hv
@@ -190,18 +182,9 @@ def find_solutions(
     Parameters
     ----------
     problem : DiscreteProblem
-    starts : int
-        Number of random starts of each kind.
-    max_solutions : int
-        Stop after so many.
-    enumerate_up_to : int
-        Largest number of combinations that are all tried; 0 for the search from many starts.
-    seed : int
-        Seed of the random starts; any will do.
-    controls : Controls, optional
-        Tolerances of the solves; ``max_time`` limits the whole search.
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
+    **options
 
     Returns
     -------
@@ -212,9 +195,7 @@ def find_solutions(
     ProblemError
         ``starts`` or ``max_solutions`` make no sense, or the problem cannot be solved as stated.
     """
-    given = Controls() if controls is None else controls
-    options = SolutionsOptions(starts, max_solutions, seed, given, enumerate_up_to)
-    return result_of(finding(problem, options, workspace))
+    return result_of(finding(problem, SolutionsOptions(**options), workspace))  # type: ignore[arg-type]
 
 
 def finding(

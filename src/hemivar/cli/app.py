@@ -28,7 +28,7 @@ from hemivar.cli.march_run import MarchCommand
 from hemivar.cli.options import Exit, option
 from hemivar.cli.outputs import check_outputs, internal_error, one_line
 from hemivar.cli.solving import SolveCommand
-from hemivar.cli.study import IdentifyCommand, StudyCommand, SweepCommand
+from hemivar.cli.study import IdentifyCommand, StepsCommand, StudyCommand, SweepCommand
 from hemivar.cli.terminal import Stream, guarded_streams, interrupted, quiet_warnings, signals_as_interrupts
 from hemivar.errors import HemivarError, ProblemError
 
@@ -316,6 +316,7 @@ COMMANDS: dict[str, type[Command]] = {
     "animate": AnimateCommand,
     "compare": CompareCommand,
     "study": StudyCommand,
+    "steps": StepsCommand,
     "sweep": SweepCommand,
     "identify": IdentifyCommand,
     "survey": SurveyCommand,

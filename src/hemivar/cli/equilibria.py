@@ -142,7 +142,7 @@ class PathCommand(OnProblem):
         _ = self.ends  # one that is not known is refused
 
     def work(self) -> Done:
-        from hemivar.report.path_diagrams import along, fitting_quantity, path_record, plot_path
+        from hemivar.report.path_diagrams import fitting_quantity, plot_path
         from hemivar.report.summary import Summary
         from hemivar.solvers.numbers_by_name import check_quantity, parted
         from hemivar.workflows import PathOptions, path
@@ -162,11 +162,11 @@ class PathCommand(OnProblem):
         print(f"\n{load_path.failure}")
         print_unsaid(Summary.of(load_path.claims()).lines(), load_path.problem.notes)
         quantity = fitting_quantity(load_path) if self.quantity is None else self.quantity
-        record = path_record(load_path, quantity)
+        record = load_path.record(quantity)
         units = session.stated.units
         unit = units.force if "force" in quantity else units.length
         if self.quantity is not None:
-            values = along(load_path, quantity)
+            values = load_path.along(quantity)
             peak = max(range(len(values)), key=lambda k: abs(values[k]))
             size = f"{quantity} {values[peak]:.6g}{unit and ' ' + unit}"
             print(f"peak              {size} at load factor {load_path.load_factor[peak]:.6g}, point {peak}")

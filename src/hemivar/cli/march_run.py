@@ -42,7 +42,7 @@ class MarchOptions:
     until: opt.Until = None
     step: opt.StepLength = None
     adaptive: opt.Tolerance = None
-    scheme: Annotated[str | None, option("implicit-euler, generalized-alpha ...", of="NAME")] = None
+    scheme: opt.SchemeName = None
     every: Annotated[float | None, option("Time between frames (200 frames at most).", of="T")] = None
     minutes: Annotated[float | None, option("Least time between checkpoints (10).", of="X")] = None
     resume: opt.Resume = False

@@ -36,6 +36,7 @@ __all__ = [
     "Given",
     "Jobs",
     "Json",
+    "Known",
     "Latex",
     "MaxSolutions",
     "MaxSteps",
@@ -43,8 +44,10 @@ __all__ = [
     "MethodName",
     "ProblemPath",
     "Quiet",
+    "Refine",
     "Resume",
     "Rtol",
+    "SchemeName",
     "Seed",
     "Starts",
     "StepLength",
@@ -89,6 +92,11 @@ def written(says: str, of: str = "FILE") -> OptionInfo:
 WRITTEN = "written"
 File = Annotated[Path | None, WRITTEN]
 ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The problem file.")]
+Refine = Annotated[int, option("Number of halvings of the mesh, or of the step.", of="N")]
+Known = Annotated[
+    list[str] | None,
+    option("Known solution in x and y (steps: t), once for each component (the finest).", of="FORMULA"),
+]
 Rtol = Annotated[float | None, option("Tolerance of the residual, relative to the load (1e-9, certify 1e-8).", of="X")]
 Tolerance = Annotated[
     float | None, option("Adapt the mesh or the time step to this relative error.", "--adaptive", of="X")
@@ -112,6 +120,7 @@ MaxSolutions = Annotated[int, option("Stop the search after this many solutions.
 Seed = Annotated[int, option("Seed of the random starts.", of="N", least=0)]
 Until = Annotated[float | None, option("End of the time interval.", of="T")]
 StepLength = Annotated[float | None, option("Time step; the first one if steps are adapted.", "--step", of="T")]
+SchemeName = Annotated[str | None, option("implicit-euler, generalized-alpha ...", of="NAME")]
 UnitNames = Annotated[
     str | None, option("Units for the labels: of time, length, force, stress, energy.", of="T,L,F,S,E")
 ]

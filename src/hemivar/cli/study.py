@@ -1,4 +1,4 @@
-"""``hemivar study``, ``sweep`` and ``identify``: mesh convergence, parameter sweeps, fits to a measured curve."""
+"""``hemivar study``, ``steps``, ``sweep``, ``identify``: convergence, parameter sweeps, fits to a measured curve."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from hemivar.basics.first_use import cached_property
 from hemivar.cli import options as opt
-from hemivar.cli.command import Done, OnProblem, watched
+from hemivar.cli.command import Done, OnProblem, Result, watched
 from hemivar.cli.options import check_limits, option, written
 from hemivar.cli.outputs import Files
-from hemivar.cli.printing import console, print_table, print_title
+from hemivar.cli.printing import console, print_table, print_title, print_unsaid
 from hemivar.cli.session import Session, naming_file
 from hemivar.errors import FileError, HemivarError, ProblemError
 
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     from hemivar.files.changes import Change
     from hemivar.identification import FitOptions
     from hemivar.identification.fit import Parameter
-    from hemivar.workflows import Study
+    from hemivar.workflows import Work
+    from hemivar.workflows.convergence import Convergence
     from hemivar.workflows.sweep import SweepAxis
 
-__all__ = ["IdentifyCommand", "StudyCommand", "SweepCommand"]
+__all__ = ["IdentifyCommand", "StepsCommand", "StudyCommand", "SweepCommand"]
 
 
 class StudyCommand(OnProblem):
@@ -34,16 +35,12 @@ class StudyCommand(OnProblem):
     Exit code 0 if every solve converged.
     """
 
-    refine: Annotated[int, option("Number of refinements, each halving the mesh.", of="N")] = 3
+    refine: opt.Refine = 3
     coarser: Annotated[int, option("Number of coarser meshes to begin with.", of="N", least=0)] = 0
-    known: Annotated[
-        list[str] | None,
-        option("Known solution in x and y, once for each component (the finest mesh).", of="FORMULA"),
-    ] = None
+    known: opt.Known = None
     exact: opt.Exact = None
     columns: opt.Columns = None
     method: opt.MethodName = None
-    jobs: opt.Jobs = 1
     checkpoint: opt.Checkpoint = None
     csv: opt.Csv = None
     latex: opt.Latex = None
@@ -55,7 +52,6 @@ class StudyCommand(OnProblem):
     given: opt.Given = None
 
     def work(self) -> Done:
-        from hemivar.report import Table, plot_study
         from hemivar.workflows import StudyOptions, studying
         from hemivar.workflows.study import study_digest
 
@@ -73,60 +69,80 @@ class StudyCommand(OnProblem):
             self.known or None,
             solver,
             session.controls,
-            self.jobs,
             must_keep=self.checkpoint is not None,
             exact=bool(self.exact),
             columns=opt.columns_of(self.columns, first),
         )
         options = replace(options, checkpoint=session.kept("study", lambda: study_digest(first, options)))
         print_title(stated, stated.changes)
-        try:
-            study = watched(studying(first, options))
-        except FileError:
-            raise
-        except HemivarError as error:
-            raise naming_file(error, stated.name) from error
-        print()
-        print_table(console(), Table.of(study.rows(), brief=True, units=stated.units))
-        _print_orders(study)
-        _print_bounds(study)
-        draw = partial(plot_study, study, title=session.title, unit=stated.units.length)
-        files: Files = {
-            "--csv": Table.of(study.rows(), units=stated.units).write_csv,
-            "--latex": Table.of(study.rows(), stated.problem.title, units=stated.units).write_latex,
-            "--json": {"problem": stated.name, **study.record()},
-            **({"--plot": draw} if study.quantities else {}),
-        }
+        study = _watched(studying(first, options), stated.name)
+        files = _studied(study, session, stated.units.length)
         done = f"{len(study.levels)} of {self.refine + 1} meshes are done"
         reached = study.converged and len(study.levels) == self.refine + 1
         return Done(files, reached, study.interrupted, partial(session.print_kept, study, done))
 
 
-def _print_orders(study: Study) -> None:
-    """Print what the errors are of, and the fitted orders."""
-    print(f"reference         {study.reference}")
-    for name in study.quantities:
-        order = study.orders[name]
-        fitted = "too few meshes for an order" if math.isnan(order) else f"order {order:.2f}"
-        finest = [value for value in study.relative(name) if not math.isnan(value)]
-        print(f"{name:<18}{fitted}" + (f", relative error {finest[-1]:.3g}" if finest else ""))
+def _watched(work: Work[Result], name: str) -> Result:
+    """The result of long work on a problem file, which its errors name."""
+    try:
+        return watched(work)
+    except FileError:
+        raise
+    except HemivarError as error:
+        raise naming_file(error, name) from error
 
 
-def _print_bounds(study: Study) -> None:
-    """Print the bound on the finest mesh, or why there is none."""
-    level = study.levels[-1]
-    if math.isnan(level.bound):
-        return
-    if math.isfinite(level.bound):
-        norm = study.norms["energy"]
-        relative = f", relative {level.bound / norm:.3g}" if norm > 0.0 else ""
-        print(f"{study.kind_of_bound:<18}{level.bound:.3g} in the energy norm on the finest mesh{relative}")
-        if level.conditions:
-            print(f"                  if {' and '.join(level.conditions)}")
-        return
-    print("guaranteed bound  none on the finest mesh")
-    for reason in level.unbounded:
-        print(f"                  because {reason}")
+def _studied(study: Convergence, session: Session, unit: str) -> Files:
+    """Print the table of a study and what it claims; returns its files."""
+    from hemivar.report import Table, plot_study
+    from hemivar.report.summary import Summary
+
+    stated = session.stated
+    table = Table.of(study.rows(), stated.problem.title, units=stated.units)
+    print()
+    print_table(console(), Table.of(study.rows(), brief=True, units=stated.units))
+    print_unsaid(Summary.of(study.claims()).lines(), ())
+    draw = partial(plot_study, study, title=session.title, unit=unit)
+    files: Files = {"--csv": table.write_csv, "--latex": table.write_latex}
+    return (
+        files | {"--json": {"problem": stated.name, **study.record()}} | ({"--plot": draw} if study.quantities else {})
+    )
+
+
+class StepsCommand(OnProblem):
+    """March with steps that are halved; errors, observed orders, and the step that an accuracy needs.
+
+    Exit code 0 if there is an order.
+    """
+
+    refine: opt.Refine = 3
+    known: opt.Known = None
+    accuracy: Annotated[float, option("Relative error whose step is printed.", of="X")] = 1e-3
+    until: opt.Until = None
+    step: opt.StepLength = None
+    scheme: opt.SchemeName = None
+    csv: opt.Csv = None
+    latex: opt.Latex = None
+    json: opt.Json = None
+    plot: Annotated[opt.File, written("Draw the errors over the step (.png, .svg or .pdf).")] = None
+    rtol: opt.Rtol = None
+    given: opt.Given = None
+
+    def work(self) -> Done:
+        from hemivar.workflows import TimeStudyOptions, study_time
+        from hemivar.workflows.marching import evolution_of, plan_of
+
+        session, stated = self.session, self.session.stated
+        given = {"until": self.until, "step": self.step, "scheme": self.scheme, "method": session.method}
+        given = {name: value for name, value in given.items() if value is not None}
+        plan = plan_of(stated, every=None, controls=session.controls, **given)
+        print_title(stated, stated.changes)
+        options = TimeStudyOptions(self.refine, self.known)
+        study = _watched(study_time(evolution_of(stated), plan, options), stated.name)
+        files = _studied(study, session, stated.units.time)
+        step = study.size_for(self.accuracy)
+        print(f"step for {self.accuracy:<9g}{'not known' if math.isnan(step) else f'{step:.3g}, by the energy norm'}")
+        return Done(files, not math.isnan(study.orders["energy"]), study.interrupted)
 
 
 class SweepCommand(OnProblem):

@@ -5,18 +5,21 @@ A finding is how its sentence begins, by which it is said once in a march, and h
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from hemivar.basics.arrays import SOLVED
+from hemivar.errors import ProblemError
 from hemivar.evolution.descent import regularising_viscosity
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.evolution_problem import Mass
-from hemivar.evolution.initial_equilibrium import gap_jump, longest_without_swing
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import healing
 from hemivar.evolution.schemes import Scheme
+from hemivar.evolution.stage import stiffness_force
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Status
 
@@ -59,13 +62,13 @@ def of_step(
                 f"The artificial viscosity makes the step unique; its dissipation is reported under 'jumps'; "
                 f"take shorter steps, or jump = 'arc-length'",
             )
-    if begins_at_stop and (longest := longest_without_swing(stepper, taken)) < taken.step:
+    if begins_at_stop and (longest := _longest_without_swing(stepper, taken)) < taken.step:
         yield (
             f"from t = {time:g} on displacements oscillate about the equilibrium",
             f", and so does the damage, because the viscosity relaxes within a step; take steps below {longest:.3g}, "
             "or implicit-euler",
         )
-    size, depth = gap_jump(stepper, taken)
+    size, depth = _gap_jump(stepper, taken)
     if size:
         yield (
             "an obstacle jumps into the body",
@@ -179,3 +182,49 @@ def doubts_of_scheme(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, 
         f"an obstacle is rigid: where the body hits it the scheme {scheme.name} oscillates and may gain energy; "
         f"use moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",
     )
+
+
+def _gap_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
+    """How far gaps jump towards the body in a step under a law of impact, and how deep points then are in the obstacle.
+
+    Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
+    as much as in the neighbouring steps, as long as this one.
+
+    Zero where there is none.
+    """
+    discrete, step = stepper.discrete, taken.step
+    if taken.stages[0].rule.restitution is None or not discrete.evolution.problem.time_dependent & {"gap", "supports"}:
+        return 0.0, 0.0
+    start, end = taken.before.time, taken.state.time
+    ends = [stepper.data.at(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
+    try:
+        ends.append(stepper.data.at(end + step).offset[:, 0])
+    except ProblemError:  # what depends on time makes no sense any more then
+        ends.append(ends[-1])
+    before, came, after = (early - late for early, late in itertools.pairwise(ends))
+    depth = taken.state.local.displacement[:, 0]
+    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > SOLVED * np.abs(ends[2]).max(initial=0.0))
+    jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
+    jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
+    return jump, deepest
+
+
+def _longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
+    """Length from which a step like this one, of a body without mass, ends beyond the equilibrium that it goes to.
+
+    A scheme whose law holds in the middle of a step ends it twice as far as there.  Of the force F that is out of
+    balance, the work on the way falls from F0 at the beginning to F1 in the middle, and is negative at the end where
+    ``F0 > 2 F1``: with ``F0 = (1 + z/2) F1``, z the step in units of the retardation time, from z = 2 on.
+
+    inf where nothing is out of balance, or the scheme is another.
+    """
+    discrete, before, stage = stepper.discrete, taken.before, taken.stages[0]
+    if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
+        return np.inf
+    n, increment = discrete.unknowns, taken.state.body.displacement - before.body.displacement
+    force = stepper.data_from(before).after(before.time).load - stiffness_force(discrete, before.body)
+    force[:n] -= discrete.problem.contact_force(before.multiplier)
+    first, middle = discrete.vectors.total(
+        float(force[:n] @ increment[:n]), 2.0 * discrete.viscosity.energy(increment) / taken.step
+    ).tolist()
+    return taken.step * middle / (first - middle) if first > middle > 0.0 else np.inf

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
 
-from hemivar.basics.arrays import SOLVED
+from hemivar.basics.arrays import COUNTS
+from hemivar.basics.deadline import OutOfTime
 from hemivar.errors import ProblemError
+from hemivar.evolution import findings
 from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.findings import Finding
 from hemivar.evolution.initial import AT_ONCE
 from hemivar.evolution.jumps import SelectionRule
-from hemivar.evolution.stage import stiffness_force
+from hemivar.evolution.margin import Margins, with_jump_loss
+from hemivar.evolution.plan import March
 from hemivar.evolution.state import EnergyBalance, Kinematics, TimeState
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.laws import SlipMeasure
 from hemivar.solvers import Status
 
-__all__ = [
-    "gap_jump",
-    "has_instantaneous_part",
-    "instantaneous_equilibrium",
-    "longest_without_swing",
-    "with_own_balance",
-    "with_ramped_work",
-]
+__all__ = ["has_instantaneous_part", "settled"]
 
 #: What is said where friction at rest does not hold the body.
 _NO_REST = (
@@ -41,7 +37,51 @@ def has_instantaneous_part(discrete: DiscreteEvolution) -> bool:
     return discrete.viscosity is None or not discrete.viscous_everywhere
 
 
-def instantaneous_equilibrium(
+def settled(
+    stepper: TimeStepper, plan: March, margins: Margins, state: TimeState, step: float, initial: bool
+) -> tuple[TimeState, StepResult | None, list[Finding | str]]:
+    """The state with a body without mass in equilibrium with what acts, the step to it if one was taken, and findings.
+
+    The initial state, with which the balance of energy begins, or that after a jump of what acts.
+    """
+    data, time, rule = stepper.data_from(state), state.time, SelectionRule(plan.jump)
+    if not (initial or data.jumps_at(time)):
+        return state, None, []
+    start, now = (data.at(time),) * 2 if initial else (data.before(time), data.after(time))
+    try:
+        taken = _instantaneous(stepper, state, step, rule, start, now)
+    except OutOfTime:
+        if initial:  # the march ends at its first step
+            return state, None, []
+        raise
+    said = list[Finding | str]()
+    if taken.status is not Status.CONVERGED:
+        if taken.status is not Status.INTERRUPTED:
+            said.append(
+                f"the equilibrium at t = {time:.10g}, in which a body without mass starts or continues, could not be "
+                f"computed: {taken.remedy}"
+            )
+        return state, taken, said
+    taken, jumped = with_jump_loss(stepper, taken, rule)
+    if jumped:
+        said += findings.jump(plan, taken, margins.margin(taken))
+    if taken.jumps or taken.state.ledger.jumps == state.ledger.jumps:
+        taken = _with_ramped_work(stepper.discrete, taken, start, now)
+    if not initial:
+        return taken.state, taken, said
+    stated, displacement = state.body.displacement, taken.state.body.displacement
+    off, far = stepper.discrete.vectors.largest(
+        float(np.abs(displacement - stated).max(initial=0.0)), float(np.abs(displacement).max(initial=0.0))
+    ).tolist()
+    if stepper.discrete.evolution.displacement is not None and off > COUNTS * far:
+        said.append(
+            "the initial displacement is not in equilibrium where the body has no mass; the run starts from the "
+            f"nearest equilibrium, {off:.3g} away: leave it out, or give mass or viscosity"
+        )
+    return _with_own_balance(taken.state), taken, said
+
+
+def _instantaneous(
     stepper: TimeStepper, state: TimeState, step: float, jump: SelectionRule, start: ExternalData, now: ExternalData
 ) -> StepResult:
     """The equilibrium with what acts now: parts without viscosity yield at once, branches and memories with them.
@@ -82,14 +122,14 @@ def _at_rest(discrete: DiscreteEvolution, acting: ExternalData) -> ExternalData:
     return replace(acting, law=law)
 
 
-def with_own_balance(state: TimeState) -> TimeState:
+def _with_own_balance(state: TimeState) -> TimeState:
     """A state with which the balance of energy begins."""
     ledger = state.ledger
     names = ("elastic", "branches", "contact", "kinetic")
     return replace(state, ledger=EnergyBalance(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
 
 
-def with_ramped_work(
+def _with_ramped_work(
     discrete: DiscreteEvolution, taken: StepResult, start: ExternalData, now: ExternalData
 ) -> StepResult:
     """An instantaneous equilibrium with the work of loads and supports that ramp up quickly, but not at once.
@@ -105,49 +145,3 @@ def with_ramped_work(
     work = half if discrete.vectors.largest(float(not still))[0] else lost
     ledger = replace(ledger, numerical=before.numerical, work=ledger.work - work, moved=ledger.moved - (lost - work))
     return replace(taken, state=replace(taken.state, ledger=ledger))
-
-
-def gap_jump(stepper: TimeStepper, taken: StepResult) -> tuple[float, float]:
-    """How far gaps jump towards the body in a step under a law of impact, and how deep points then are in the obstacle.
-
-    Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
-    as much as in the neighbouring steps, as long as this one.
-
-    Zero where there is none.
-    """
-    discrete, step = stepper.discrete, taken.step
-    if taken.stages[0].rule.restitution is None or not discrete.evolution.problem.time_dependent & {"gap", "supports"}:
-        return 0.0, 0.0
-    start, end = taken.before.time, taken.state.time
-    ends = [stepper.data.at(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
-    try:
-        ends.append(stepper.data.at(end + step).offset[:, 0])
-    except ProblemError:  # what depends on time makes no sense any more then
-        ends.append(ends[-1])
-    before, came, after = (early - late for early, late in itertools.pairwise(ends))
-    depth = taken.state.local.displacement[:, 0]
-    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > SOLVED * np.abs(ends[2]).max(initial=0.0))
-    jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
-    jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
-    return jump, deepest
-
-
-def longest_without_swing(stepper: TimeStepper, taken: StepResult) -> float:
-    """Length from which a step like this one, of a body without mass, ends beyond the equilibrium that it goes to.
-
-    A scheme whose law holds in the middle of a step ends it twice as far as there.  Of the force F that is out of
-    balance, the work on the way falls from F0 at the beginning to F1 in the middle, and is negative at the end where
-    ``F0 > 2 F1``: with ``F0 = (1 + z/2) F1``, z the step in units of the retardation time, from z = 2 on.
-
-    inf where nothing is out of balance, or the scheme is another.
-    """
-    discrete, before, stage = stepper.discrete, taken.before, taken.stages[0]
-    if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
-        return np.inf
-    n, increment = discrete.unknowns, taken.state.body.displacement - before.body.displacement
-    force = stepper.data_from(before).after(before.time).load - stiffness_force(discrete, before.body)
-    force[:n] -= discrete.problem.contact_force(before.multiplier)
-    first, middle = discrete.vectors.total(
-        float(force[:n] @ increment[:n]), 2.0 * discrete.viscosity.energy(increment) / taken.step
-    ).tolist()
-    return taken.step * middle / (first - middle) if first > middle > 0.0 else np.inf

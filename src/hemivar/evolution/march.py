@@ -47,11 +47,6 @@ def march(
     workspace : Workspace, optional
         Keeps factors and levels for other runs of the same body.
     **options
-        The other fields of :class:`March`. ``scheme``: how it steps, implicit Euler by default. ``step``: a length,
-        or an :class:`AdaptiveStep`. ``save``: which frames are kept. ``stops``: times at which a step ends.
-        ``events``: a step ends where one happens. ``jump``: what happens where a step has several solutions.
-        ``method``, ``controls``: of each step. ``max_time``: limit in seconds. ``checkpoint``, ``resume``: a file
-        from which the run continues.
 
     Returns
     -------

@@ -6,10 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from hemivar.basics.arrays import COUNTS, LARGEST, ROUNDED, SAME
-from hemivar.basics.deadline import OutOfTime, check_time
+from hemivar.basics.arrays import LARGEST, ROUNDED, SAME
+from hemivar.basics.deadline import check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -17,16 +15,11 @@ from hemivar.evolution import findings
 from hemivar.evolution.control import Control, ControlledStepper
 from hemivar.evolution.data_in_time import kinks_in_time
 from hemivar.evolution.digest import identity
-from hemivar.evolution.discrete import DiscreteEvolution, ExternalData
+from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.findings import Finding
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.initial import apply_impulse, initial_state
-from hemivar.evolution.initial_equilibrium import (
-    has_instantaneous_part,
-    instantaneous_equilibrium,
-    with_own_balance,
-    with_ramped_work,
-)
+from hemivar.evolution.initial_equilibrium import has_instantaneous_part, settled
 from hemivar.evolution.jumps import SelectionRule
 from hemivar.evolution.march_events import OnEvent
 from hemivar.evolution.march_state import Checkpoint, MarchState, misfit
@@ -169,7 +162,9 @@ class TimeLoop:
                 self._refuse_misfit(kept, march)
         if march is None:
             self.messages: list[str] = list(self.doubts)
-            self.state = self._initial_equilibrium(initial_state(self.stepper, self.step_size.step))
+            self.state = self._settled(
+                initial_state(self.stepper, self.step_size.step), self.step_size.step, initial=True
+            )
             self.frames = Frames(self.plan.save, self.start)
             self.frames.offer(self.discrete, self.state)
             self.rows = [self._first_row()]
@@ -236,7 +231,7 @@ class TimeLoop:
         if begin.time not in self.ends and begin.index:
             return begin
         length, _ = self._fitted(begin.time, goal)
-        begin = apply_impulse(self.stepper, self._equilibrium_after_jump(begin, length), length)
+        begin = apply_impulse(self.stepper, self._settled(begin, length), length)
         return replace(begin, history=None) if self.plan.scheme.multistep else begin
 
     def _fitted(self, time: float, goal: float) -> tuple[float, float]:
@@ -285,55 +280,17 @@ class TimeLoop:
             smaller = self.stepping.smaller(smaller)
         return smaller
 
-    def _initial_equilibrium(self, state: TimeState) -> TimeState:
-        """The initial state: a body without mass is in equilibrium with what acts, and the balance begins so."""
+    def _settled(self, state: TimeState, step: float, initial: bool = False) -> TimeState:
+        """The state with a body without mass in the equilibrium that it begins in, or that follows a jump of a load."""
         if not self.instantaneous:
             return state
-        now = self.stepper.data_from(state).at(state.time)
-        try:
-            taken = self._equilibrium(state, self.step_size.step, now, now)
-        except OutOfTime:  # the march ends at its first step
-            return state
-        if taken is None:
-            return state
-        stated, displacement = state.body.displacement, taken.state.body.displacement
-        off, far = self.discrete.vectors.largest(
-            float(np.abs(displacement - stated).max(initial=0.0)), float(np.abs(displacement).max(initial=0.0))
-        ).tolist()
-        if self.discrete.evolution.displacement is not None and off > COUNTS * far:
-            self.note(
-                "the initial displacement is not in equilibrium where the body has no mass; the run starts from "
-                "the nearest equilibrium,"
-                f" {off:.3g} away: leave it out, or give mass or viscosity"
-            )
-        self.first = taken if self.discrete.evolution.steps else None
-        return with_own_balance(taken.state)
-
-    def _equilibrium_after_jump(self, state: TimeState, step: float) -> TimeState:
-        """A state at which a load jumps, with a body without mass in the equilibrium that follows."""
-        data = self.stepper.data_from(state)
-        if not (self.instantaneous and data.jumps_at(state.time)):
-            return state
-        taken = self._equilibrium(state, step, data.before(state.time), data.after(state.time))
-        return state if taken is None else taken.state
-
-    def _equilibrium(self, state: TimeState, step: float, start: ExternalData, now: ExternalData) -> StepResult | None:
-        """The equilibrium with what acts now; None, and no further step, if it is not found."""
-        taken = instantaneous_equilibrium(self.stepper, state, step, SelectionRule(self.plan.jump), start, now)
-        if taken.status is not Status.CONVERGED:
+        state, taken, said = settled(self.stepper, self.plan, self.margins, state, step, initial)
+        if taken is not None and taken.status is not Status.CONVERGED:
             self.no_equilibrium = taken
-            if taken.status is not Status.INTERRUPTED:
-                self.note(
-                    f"the equilibrium at t = {state.time:.10g}, in which a body without mass starts or continues, "
-                    f"could not be computed: {taken.remedy}"
-                )
-            return None
-        taken, jumped = with_jump_loss(self.stepper, taken, SelectionRule(self.plan.jump))
-        if jumped:
-            self.note(*findings.jump(self.plan, taken, self.margins.margin(taken)))
-        if taken.jumps or taken.state.ledger.jumps == state.ledger.jumps:
-            taken = with_ramped_work(self.discrete, taken, start, now)
-        return taken
+        elif initial and self.discrete.evolution.steps:
+            self.first = taken
+        self.note(*said)
+        return state
 
     @property
     def _after_kink(self) -> bool:

@@ -25,6 +25,7 @@ class KnownField:
     """A displacement, or the unknown of a scalar problem, given by formulas of the place."""
 
     formulas: Sequence[Formula | str]
+    timed: bool = False
 
     def __post_init__(self) -> None:
         given = [self.formulas] if isinstance(self.formulas, str) else list(self.formulas)
@@ -34,13 +35,22 @@ class KnownField:
         if not made:
             raise ProblemError("the exact solution has no components; give a formula for each")
         for formula in made:
-            if TIME in formula.variables:
+            if TIME in formula.variables and not self.timed:
                 raise ProblemError(f"exact solution: formula '{formula.text}' uses t; give the solution at rest")
         object.__setattr__(self, "formulas", made)
 
-    def values(self, points: Array) -> Array:
+    def check(self, components: int) -> None:
+        """Refuse another number of formulas than there are components."""
+        if len(self.formulas) != components:
+            what = "displacement" if components > 1 else "unknown"
+            raise ProblemError(
+                f"the exact solution has {len(self.formulas)} components and the {what} {components}; give a formula "
+                "for each component"
+            )
+
+    def values(self, points: Array, t: float | None = None) -> Array:
         """Values at points (k, d), shape (k, components)."""
-        return np.column_stack([formula(points) for formula in self._made])
+        return np.column_stack([formula(points, t) for formula in self._made])
 
     def gradients(self, points: Array) -> Array:
         """Derivatives at points (k, d), shape (k, components, d)."""
@@ -64,12 +74,8 @@ class ErrorNorms:
 def error_norms(problem: ContactProblem, values: Array, known: KnownField | None = None) -> ErrorNorms:
     """Norms of ``u - known``, or of u (nodes, c); exact without formulas and with a homogeneous material."""
     mesh, order = problem.mesh, problem.order
-    if known is not None and len(known.formulas) != values.shape[1]:
-        what = "displacement" if values.shape[1] > 1 else "unknown"
-        raise ProblemError(
-            f"the exact solution has {len(known.formulas)} components and the {what} {values.shape[1]}; give a formula "
-            "for each component"
-        )
+    if known is not None:
+        known.check(values.shape[1])
     slopes, corners, masks = barycentric_gradients(mesh), mesh.points[mesh.cells], region_masks(mesh)
     nodal = values[mesh.cell_nodes(order)]
     energy = square = 0.0

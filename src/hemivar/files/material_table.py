@@ -202,13 +202,18 @@ def material_record(material: Material, where: str = "material") -> dict[str, ob
             record: dict[str, object] = {} if material.linear else {"law": named}
             if isinstance(material, Lame):
                 record["lame"] = [quantity_record(getattr(material, name), f"{where}.{name}") for name in ("lam", "mu")]
-            own: dict[str, Callable[..., object]] = {
-                "viscosity": partial(_viscosity_record, where),
-                "branches": partial(_branch_records, where),
-            }
             record |= encode(material, where, out_of_plane=np.ndarray.tolist)
             record |= _own_constants(material, where)
-            return record | encode(material, where, "", IN_TIME, **own)
+            return record | encode(
+                material,
+                where,
+                by=IN_TIME,
+                viscosity=lambda one: written(
+                    *((one.matrix, Form.MATRIX) if one.constants is None else (one.constants, Form.PAIR)),
+                    f"{where}.viscosity",
+                ),
+                branches=lambda parts: [encode(one, f"{where}.branches[{k}]") for k, one in enumerate(parts)],
+            )
         case ByRegion() if where == "material":
             return {
                 "regions": {name: material_record(part, f"{where}['{name}']") for name, part in material.parts.items()}
@@ -241,13 +246,3 @@ def _own_constants(material: SingleMaterial, where: str) -> dict[str, object]:
     """The constants of a material of the user's, those without metadata, too."""
     entry = entry_of(type(material), LawKind.MATERIAL)
     return {} if entry is None else encode_arguments(entry, material, where)
-
-
-def _viscosity_record(where: str, viscosity: Moduli) -> object:
-    pair = viscosity.constants is not None
-    given = viscosity.constants if pair else viscosity.matrix
-    return written(given, Form.PAIR if pair else Form.MATRIX, f"{where}.viscosity")
-
-
-def _branch_records(where: str, branches: Sequence[Branch]) -> list[object]:
-    return [encode(branch, f"{where}.branches[{number}]") for number, branch in enumerate(branches)]

@@ -196,19 +196,15 @@ def _recipe_record(recipe: MeshRecipe, folder: Path) -> dict[str, object]:
             record["pattern"] = source.pattern
         if any(source.origin):
             record["origin"] = source.origin
-    placed = encode(recipe, part="mesh", boundaries=_marked_record, opened=_opened_record)
+    placed = encode(
+        recipe,
+        part="mesh",
+        boundaries=lambda marked: {one.name: one.condition for one in marked},
+        opened=lambda parts: [
+            one.name if one.between is None else {"name": one.name, "between": list(one.between)} for one in parts
+        ],
+    )
     return placed | record if isinstance(source, Assembly) else record | placed
-
-
-def _marked_record(boundaries: tuple[Marking, ...]) -> dict[str, str]:
-    return {boundary.name: boundary.condition for boundary in boundaries}
-
-
-def _opened_record(opened: tuple[Opening, ...]) -> list[object]:
-    return [
-        opening.name if opening.between is None else {"name": opening.name, "between": list(opening.between)}
-        for opening in opened
-    ]
 
 
 def file_name(path: Path, folder: Path) -> str:

@@ -194,7 +194,12 @@ def time_record(time: TimeSettings, scalar: ScalarKind | None = None) -> dict[st
         return {names[name]: write(value, f"time.{names[name]}") for name, value in start.items()}
 
     march = encode(
-        time.march, "time", step=_step_record, scheme=_scheme_record, stops=list, control=lambda given: given.stated
+        time.march,
+        "time",
+        step=_step_record,
+        scheme=lambda one: {"name": one.name} | own if (own := encode(one)) else one.name,
+        stops=list,
+        control=lambda given: given.stated,
     )
     return march | encode(time, "time", initial=initial)
 
@@ -205,11 +210,6 @@ def _step_record(step: StepSizeController) -> object:
     if isinstance(step, AdaptiveStep):
         return {"rtol": step.rtol} | encode(step)
     raise not_expressible("time.step", step, "a length, or an error control by rtol, first, min and max")
-
-
-def _scheme_record(scheme: Scheme) -> object:
-    parameters = encode(scheme)
-    return {"name": scheme.name} | parameters if parameters else scheme.name
 
 
 def output_record(march: March, files: OutputSettings) -> dict[str, object]:

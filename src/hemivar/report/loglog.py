@@ -37,8 +37,7 @@ from hemivar.report.style import (
 )
 from hemivar.report.tables import reciprocal
 from hemivar.solvers import Solution
-from hemivar.workflows.observed_order import observed_order
-from hemivar.workflows.study import Study
+from hemivar.workflows.convergence import Convergence, observed_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -158,19 +157,19 @@ def _triangle(
 # ---- studies ---------------------------------------------------------------------------------------------------
 
 
-@expecting(study=Study, title=str, unit=str, ax=axes)
-def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Axes | None = None) -> Figure:
-    """Relative errors over the mesh size on logarithmic scales, each with a triangle of its slope.
+@expecting(study=Convergence, title=str, unit=str, ax=axes)
+def plot_study(study: Convergence, *, title: str | None = None, unit: str = "", ax: Axes | None = None) -> Figure:
+    """Relative errors over the mesh size or the step on logarithmic scales, each with a triangle of its slope.
 
     The slope of a triangle is the fitted order, as in the legend.  Hollow marks stand for a mesh next to the
     reference, with which it shares errors; the fit leaves it out.
 
     Parameters
     ----------
-    study : Study
+    study : Study or TimeStudy
     title : str, optional
     unit : str, optional
-        Of the mesh size.
+        Of the mesh size, or the step.
     ax : matplotlib axes, optional
         Where to draw; a new figure, as wide as a column of print, by default.
 
@@ -207,7 +206,7 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
             )
             drawn.append(bounds)
         _triangles(ax, sizes, curves, study.orders, drawn)
-        _log_axes(ax, with_unit("mesh size h", unit), "relative error")
+        _log_axes(ax, with_unit(study.measured_by, unit), "relative error")
         shown = sizes[np.isfinite(np.array(drawn)).any(axis=0)]
         _sizes_at_ticks(ax, shown)
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _decimal(value)))

@@ -40,7 +40,7 @@ from hemivar.report.summary import Summary, summary_of
 from hemivar.report.sweep_figures import plot_sweep
 from hemivar.report.tables import Table
 from hemivar.solvers import Solution, Status
-from hemivar.workflows.study import Study
+from hemivar.workflows.convergence import Convergence
 from hemivar.workflows.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -245,9 +245,9 @@ def _history(history: History) -> _Shown:
     return heading, lambda: [plot_march(history)] if drawn else [], _rows(Summary.of(history.claims()).rows)
 
 
-def _study(study: Study) -> _Shown:
+def _study(study: Convergence) -> _Shown:
     drawn = len(study.levels) > 1
-    heading = f"Study: {len(study.levels)} meshes, errors against the {study.reference}"
+    heading = f"{type(study).__name__}: {len(study.levels)} {study.each}, errors against the {study.reference}"
     return heading, lambda: [plot_study(study)] if drawn else [], Table.of(study.rows(relative=True), brief=True)
 
 
@@ -304,7 +304,7 @@ _KINDS: Mapping[type, Callable[..., _Shown]] = {
     ContactProblem: _problem,
     DiscreteProblem: _discrete,
     History: _history,
-    Study: _study,
+    Convergence: _study,
     Sweep: _sweep,
     AdaptiveSolution: _adaptive,
 }
@@ -317,7 +317,7 @@ _PICTURES: Mapping[type, Callable[..., Figure]] = {
     ContactProblem: plot_problem,
     DiscreteProblem: _stated_of,
     History: plot_march,
-    Study: plot_study,
+    Convergence: plot_study,
     Sweep: plot_sweep,
     AdaptiveSolution: plot_adaptive,
 }

@@ -1,4 +1,4 @@
-"""The equilibrium path as a figure and as a record."""
+"""The equilibrium path as a figure."""
 
 from __future__ import annotations
 
@@ -7,20 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.arguments import expecting
-from hemivar.basics.rows import plain
-from hemivar.basics.types import Array, Record
+from hemivar.basics.types import Array
 from hemivar.branches import Path
-from hemivar.branches.path_quantities import QUANTITIES, PathQuantity
-from hemivar.errors import ProblemError
-from hemivar.fem.contact_basis import nodal_depths
+from hemivar.branches.path_quantities import QUANTITIES
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes, axes_on, drawing, legend_beside, with_unit
-from hemivar.solvers.numbers_by_name import parted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["along", "fitting_quantity", "path_record", "plot_path"]
+__all__ = ["fitting_quantity", "plot_path"]
 
 
 #: What is drawn unless asked for otherwise: that of them which changes most along the path.
@@ -29,75 +25,8 @@ _DISPLACEMENTS = ("max-penetration", "max-opening", "max-slip")
 
 def fitting_quantity(path: Path) -> str:
     """The largest penetration, opening or slip, whichever changes most along a path: glue opens, friction slips."""
-    values = {name: along(path, name) for name in _DISPLACEMENTS}
+    values = {name: path.along(name) for name in _DISPLACEMENTS}
     return max(values, key=lambda name: float(np.ptp(np.maximum(values[name], 0.0))) if len(path) else 0.0)
-
-
-def along(path: Path, quantity: str) -> Array:
-    """A quantity at each point (k,): one of :data:`QUANTITIES`, or ``support.NAME.force``, ``support.NAME.force.x``."""
-    parts = parted(quantity)
-    if parts is None or parts[0] != "support":
-        return _evaluated(path, _quantity(quantity), path.local, path.multiplier)
-    forces = path.reactions(parts[1])
-    if parts[2] is None:
-        return np.asarray(np.linalg.norm(forces, axis=1))
-    if parts[2] >= forces.shape[1]:
-        raise ProblemError(f"quantity '{quantity}': forces have {forces.shape[1]} components; leave the last one out")
-    return forces[:, parts[2]]
-
-
-def _evaluated(path: Path, chosen: PathQuantity, local: Array, multiplier: Array) -> Array:
-    depth = nodal_depths(path.problem, local[:, :, 0].T).T
-    return chosen.evaluate(
-        path.problem.contact.weights, np.concatenate([depth[:, :, None], local[:, :, 1:]], 2), multiplier
-    )
-
-
-def _quantity(name: str) -> PathQuantity:
-    if name not in QUANTITIES:
-        raise ProblemError(f"quantity '{name}' is not known; the quantities are {', '.join(QUANTITIES)}")
-    return QUANTITIES[name]
-
-
-def path_record(path: Path, quantity: str = "max-penetration") -> Record:
-    """A path as plain numbers and lists, ready for JSON.
-
-    ``points`` holds for each point ``load_factor``, ``energy``, ``stable`` (of the stretch that begins there; at the
-    last point, of the one that ends there), ``normal_force``, ``friction_force`` (list; on the body),
-    ``max_penetration`` and ``value``, the chosen ``quantity``. ``folds``, ``bifurcations`` and ``jumps`` name
-    points by number;
-    ``single_point`` tells where one contact point lets go alone, ``single_point_size`` up to which weight of a point
-    none does; ``interpolated`` that the place after a jump is none of a solution.
-    """
-    points = [{**row, "value": value} for row, value in zip(path.rows(), along(path, quantity).tolist(), strict=True)]
-    jumps = [
-        {
-            "load_factor": jump.load_factor,
-            "point": jump.index,
-            "loading": jump.loading,
-            "max_penetration_after": None
-            if jump.local is None
-            else float(nodal_depths(path.problem, jump.local[:, 0]).max()),
-            "interpolated": jump.interpolated,
-            "single_point": jump.snaps,
-        }
-        for jump in path.jumps
-    ]
-    return {
-        "limit_load": path.limit_load,
-        "first_instability": path.first_instability,
-        "quantity": quantity,
-        "points": plain(points),
-        "folds": [
-            {"load_factor": fold.load_factor, "point": fold.index, "single_point": fold.snaps} for fold in path.folds
-        ],
-        "bifurcations": [{"load_factor": point.load_factor, "point": point.index} for point in path.bifurcations],
-        "jumps": jumps,
-        "single_point_size": path.snap_size,
-        "ended": path.ended,
-        "perturbed": path.perturbed,
-        "warnings": list(path.warnings),
-    }
 
 
 @expecting(path=Path, quantity=str, title=str, unit=str, ax=axes)
@@ -127,7 +56,7 @@ def plot_path(
         Where to draw; a new figure by default.
     """
     quantity = fitting_quantity(path) if quantity is None else quantity
-    x, chosen = along(path, quantity), QUANTITIES.get(quantity)
+    x, chosen = path.along(quantity), QUANTITIES.get(quantity)
     t = path.load_factor
     with drawing():
         fig, ax = axes_on(ax, (5.6, 3.6))
@@ -155,7 +84,7 @@ def plot_path(
         if index:
             ax.plot(x[index], t[index], "D", color="black", markersize=3.0, label="bifurcation", zorder=4)
         if chosen is not None and chosen.of_displacement:
-            _draw_jumps(ax, path, chosen, x)
+            _draw_jumps(ax, path, quantity, x)
         ax.set_xlabel(with_unit(quantity if chosen is None else chosen.label, unit))
         ax.set_ylabel("load factor")
         ax.locator_params(axis="x", nbins=6)
@@ -168,12 +97,12 @@ def plot_path(
     return fig
 
 
-def _draw_jumps(ax: Axes, path: Path, chosen: PathQuantity, x: Array) -> None:
+def _draw_jumps(ax: Axes, path: Path, quantity: str, x: Array) -> None:
     labels = {True: "jump while loading", False: "jump while unloading"}
     for jump in path.main_jumps:
         if jump.local is None:
             continue
-        end = _evaluated(path, chosen, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
+        end = path.along(quantity, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
         colour = ORANGE if jump.loading else RED
         start = x[jump.index]
         ax.plot([], [], "-", linewidth=0.8, color=colour, label=labels.pop(jump.loading, "_nolegend_"))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.arguments import expect, expecting
 from hemivar.basics.csv_text import csv_text
 from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
@@ -69,6 +70,10 @@ class Table:
     title: str = ""
 
     def __post_init__(self) -> None:
+        expect(self.title, str, "the title of a table", "give a text")
+        listed = isinstance(self.columns, tuple | list) and isinstance(self.rows, tuple | list)
+        if not listed or not all(isinstance(row, tuple | list) for row in self.rows):
+            raise ProblemError("a table has a tuple of names of columns, and a tuple of rows, each a tuple; give these")
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise ProblemError(
@@ -77,6 +82,7 @@ class Table:
                 )
 
     @classmethod
+    @expecting(rows=ResultRows, title=str, units=Units, brief=bool)
     def of(cls, rows: ResultRows, title: str = "", *, units: Units | None = None, brief: bool = False) -> Table:
         """The table of the rows of a result, whole or brief, with the units in its headings."""
         units, kept = Units() if units is None else units, []

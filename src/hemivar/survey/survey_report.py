@@ -40,7 +40,6 @@ from hemivar.survey.survey_runs import (
     SurveyRuns,
     survey,
 )
-from hemivar.workflows.comparison import energy_norm_difference
 from hemivar.workflows.events import Event, Phase
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ class SurveyReport:
             if event.runs.meshes[-1].n >= 8:
                 self.write(self.table1(), "table1.csv")
                 self.put("table1.md", lambda path: write_text(path, f"{self.table1().markdown()}\n{_TABLE_NOTE}\n"))
-            self.write(self.runs_table(), "runs.csv")
+            self.write(Table.of(self.runs.rows()), "runs.csv")
         else:
             if event.part == "bounds":
                 self.write(self.bounds_table(), "bounds.csv")
@@ -170,7 +169,7 @@ class SurveyReport:
         runs = self.runs
         self.write(self._errors_table(), "errors.csv")
         self.write(self._orders_table(), "orders.csv")
-        self.write(self.runs_table(), "runs.csv")
+        self.write(Table.of(self.runs.rows()), "runs.csv")
         drawn = plot_errors(
             np.array(runs.sizes),
             {key: np.array(values) for key, values in runs.errors.items()},
@@ -213,25 +212,6 @@ class SurveyReport:
         if solution.status is Status.MAX_TIME:
             return f"> {self.runs.options.method_time_limit:g} s"
         return float(f"{sum(solution.timings.get(stage, 0.0) for stage in stages):.3g}")
-
-    def runs_table(self) -> Table:
-        """How every run ended."""
-        rows = []
-        for level in self.runs.meshes:
-            default = level.solutions.get(DEFAULT)
-            for name, solution in level.solutions.items():
-                apart = None if default is None else energy_norm_difference(solution, default)
-                rows.append(
-                    (
-                        f"1/{level.n}", name, solution.status.value, solution.residual.relative, apart,
-                        solution.steps, solution.evaluations, solution.timings.get("iterate"),
-                        solution.timings.get("condense"),
-                    )
-                )  # fmt: skip
-        columns = (
-            "h", "method", "status", "residual", "difference", "steps", "evaluations", "iterate (s)", "condense (s)",
-        )  # fmt: skip
-        return Table(columns, tuple(rows), "Every run of Table 1 and Figure 5")
 
     def methods_table(self) -> Table:
         """Every method on Figures 1 to 4."""
@@ -333,7 +313,7 @@ class SurveyReport:
                 f"<p class=warning>No bound but an estimate: {html.escape(why)}.</p>" for why in runs.not_guaranteed
             ]
         if runs.meshes:
-            parts.append(self.runs_table().html())
+            parts.append(Table.of(self.runs.rows(), "Every run of Table 1 and Figure 5").html())
         parts += ["<h2>Machine</h2>", _machine(), "</body></html>\n"]
         self.put("report.html", lambda path: write_text(path, "\n".join(parts)))
 

@@ -12,6 +12,7 @@ import numpy as np
 from hemivar.basics.arguments import expecting
 from hemivar.basics.display import brief
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.rows import Column, ResultRows
 from hemivar.basics.types import Array
 from hemivar.bounds import exact_distance
 from hemivar.bounds.trace_bounds import TraceBounds, guaranteed_trace_bounds
@@ -24,8 +25,9 @@ from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, Controls, Solution
 from hemivar.solvers.status import check_interrupt
 from hemivar.systems import Workspace
+from hemivar.workflows.comparison import energy_norm_difference
+from hemivar.workflows.convergence import observed_order
 from hemivar.workflows.events import Notice, Phase, Work
-from hemivar.workflows.observed_order import observed_order
 from hemivar.workflows.solving import from_coarser
 
 __all__ = [
@@ -155,6 +157,25 @@ class SurveyRuns:
     interrupted: bool = False
 
     __repr__ = brief
+
+    def rows(self) -> ResultRows:
+        """A row for each run of Table 1 and Figure 5: how it ended, and how far it is from the default method."""
+        runs = [(level, name, solution) for level in self.meshes for name, solution in level.solutions.items()]
+        solutions, to = [solution for *_, solution in runs], [level.solutions.get(DEFAULT) for level, *_ in runs]
+        pairs = zip(solutions, to, strict=True)
+        apart = [None if other is None else energy_norm_difference(one, other) for one, other in pairs]
+        columns = (
+            Column("h", [f"1/{level.n}" for level, *_ in runs], "h"),
+            Column("method", [name for _, name, _ in runs], "method"),
+            Column("status", [solution.status.value for solution in solutions], "status"),
+            Column("residual", [solution.residual.relative for solution in solutions], "residual"),
+            Column("difference", apart, "difference"),
+            Column("steps", [solution.steps for solution in solutions], "steps"),
+            Column("evaluations", [solution.evaluations for solution in solutions], "evaluations"),
+            Column("iterate (s)", [solution.timings.get("iterate") for solution in solutions], "iterate"),
+            Column("condense (s)", [solution.timings.get("condense") for solution in solutions], "condense"),
+        )
+        return ResultRows(columns)
 
     @property
     def sizes(self) -> tuple[float, ...]:

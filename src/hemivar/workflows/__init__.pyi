@@ -54,3 +54,6 @@ from .sweep import SweepEvent as SweepEvent
 from .sweep import SweepOptions as SweepOptions
 from .sweep import sweep as sweep
 from .sweep import sweeping as sweeping
+from .time_study import TimeStudy as TimeStudy
+from .time_study import TimeStudyOptions as TimeStudyOptions
+from .time_study import study_time as study_time

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import count
 
 from hemivar.basics.arguments import expecting
@@ -11,51 +10,17 @@ from hemivar.basics.display import brief
 from hemivar.basics.generators import each_as
 from hemivar.basics.known_statement import ManufacturedProblem
 from hemivar.bounds import AdaptiveSolution
-from hemivar.bounds.adaptive import AdaptiveLevel, solving_adaptive
+from hemivar.bounds.adaptive import AdaptiveLevel, AdaptOptions, solving_adaptive
 from hemivar.bounds.adaptive_end import AdaptiveEnd
 from hemivar.bounds.exact_certificate import statement_of
-from hemivar.bounds.goals import Goal
 from hemivar.certificates import Certificate
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
 from hemivar.mechanics.statement import expect_body
-from hemivar.solvers import Controls, Solver
 from hemivar.workflows.events import CertificateEvent, Notice, Work
 from hemivar.workflows.solving import certificate_of
 
 __all__ = ["AdaptOptions", "AdaptResult", "Refined", "adapt"]
-
-
-@dataclass(frozen=True)
-class AdaptOptions:
-    """How to solve adaptively, see :func:`hemivar.bounds.adaptive.solving_adaptive`.
-
-    Parameters
-    ----------
-    rtol : float
-        Relative distance to the exact solution in the energy norm; with a goal its relative error.
-    goal : Goal or str, optional
-        A quantity of interest.
-    share : float
-        Part of the sum of the indicators that the marked cells hold.
-    max_unknowns : int
-    max_time : float
-        Seconds for all meshes.
-    max_memory : float
-        Bytes.
-    method : Solver or str, optional
-    controls : Controls
-        Of every solve.
-    """
-
-    rtol: float = 0.01
-    goal: Goal | str | None = None
-    share: float = 0.5
-    max_unknowns: int = 300_000
-    max_time: float = math.inf
-    max_memory: float = math.inf
-    method: Solver | str | None = None
-    controls: Controls = field(default_factory=Controls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +88,8 @@ def adapt(problem: ContactProblem | ManufacturedProblem, options: AdaptOptions |
     options = AdaptOptions() if options is None else options
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
     problem = expect_body(problem, "what to solve adaptively", remedy)
-    given = {name: getattr(options, name) for name in vars(options)}
     numbers = count()
-    work = solving_adaptive(problem, **given)  # type: ignore[arg-type]
-    adaptive = yield from each_as(work, lambda level: Refined(level, next(numbers)))
+    adaptive = yield from each_as(solving_adaptive(problem, options), lambda level: Refined(level, next(numbers)))
     complaint, certificate = "", None
     try:
         certificate = certificate_of(adaptive.solution, options.controls.rtol, options.controls.max_time)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import tempfile
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,15 +12,11 @@ import numpy as np
 
 from hemivar.basics.arguments import described, expect, expecting, whole_number
 from hemivar.basics.content import digest_of
-from hemivar.basics.display import ReprMixin, brief
-from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
-from hemivar.basics.known_keywords import known_keywords
+from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
-from hemivar.basics.portable import PickleMixin
-from hemivar.basics.processes import results
-from hemivar.basics.rows import Column, ResultRows, plain, two_decimals
-from hemivar.basics.types import Array, BoolArray, Record
+from hemivar.basics.rows import Claim, Column, ResultRows
+from hemivar.basics.types import Array
 from hemivar.basics.user_code import checked_code
 from hemivar.bounds import exact_distance
 from hemivar.bounds.exact_certificate import statement_of
@@ -44,22 +37,18 @@ from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.methods import as_method
 from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
 from hemivar.systems import Workspace
-from hemivar.workflows.events import MethodEvent, Notice, Phase, StartEvent, WarningEvent, Work
-from hemivar.workflows.observed_order import observed_order
+from hemivar.workflows.convergence import Convergence, ErrorLevel
+from hemivar.workflows.events import MethodEvent, Phase, StartEvent, WarningEvent, Work, until_interrupted
 from hemivar.workflows.solving import from_coarser
 
-__all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
+__all__ = ["Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
 
-#: Errors that a study tells, by name.
-QUANTITIES = ("energy", "displacement", "pressure")
 #: Halvings that can be asked for.
 _MOST_REFINED = 12
 #: Bytes of a file with solutions that is read.
 _MOST_KEPT = 2**36
 #: Ends of a solve after which a mesh is not done.
 _NO_LEVEL = (Status.INTERRUPTED, Status.OUT_OF_MEMORY)
-#: Seconds between two looks for a solution of another process.
-_PAUSE = 0.02
 
 
 @dataclass(frozen=True)
@@ -77,9 +66,6 @@ class StudyOptions:
         The method, or its name; chosen for the finest mesh by predicted cost and memory if not given.
     controls : Controls
         Tolerances and limits of each solve; the tolerance must lie far below the errors.
-    jobs : int
-        Processes that work at once: the finest mesh is made and assembled while the coarser ones are solved.  A script
-        that asks for more than one does so below ``if __name__ == "__main__":``, for each process reads it again.
     checkpoint : str or Path, optional
         A file to which the solution on every mesh goes when it is done; meshes that it holds are not solved again, also
         where the mesh is now halved more often, or compared with another known solution.
@@ -96,15 +82,13 @@ class StudyOptions:
     Raises
     ------
     ProblemError
-        The number of halvings or of processes makes no sense, a formula is none, or the controls have a function to
-        call in other processes.
+        The number of halvings makes no sense, or a formula is none.
     """
 
     refine: int = 4
     known: KnownField | Sequence[str] | None = None
     method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
-    jobs: int = 1
     checkpoint: str | Path | None = None
     must_keep: bool = True
     exact: bool = False
@@ -117,11 +101,6 @@ class StudyOptions:
             raise ProblemError(f"refine is {count}; a mesh can be halved {_MOST_REFINED} times at most")
         as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
-        if whole_number(self.jobs, "jobs", 1) > 1 and self.controls.callback is not None:
-            raise ProblemError(
-                "a study by several processes calls no function after every step; leave the callback of its controls "
-                "out, or take jobs = 1"
-            )
         expect(self.exact, bool, "exact", "give True or False")
         checked_code(self.code)
         if self.known is not None and not isinstance(self.known, KnownField):
@@ -131,17 +110,13 @@ class StudyOptions:
             object.__setattr__(self, "known", KnownField(listed))
 
 
-@dataclass(frozen=True, eq=False)
-class StudyLevel(Notice):
-    """One mesh.
+@dataclass(frozen=True, eq=False, repr=False)
+class StudyLevel(ErrorLevel):
+    """One mesh, with its size and errors.
 
     Attributes
     ----------
     solution : Solution
-    size : float
-        The mesh size h: length of the longest edge.
-    energy, displacement, pressure : float
-        Errors, as :class:`Study` tells; nan while there is nothing to compare with.
     bound : float
         Bound of the error in the energy norm, guaranteed or on conditions; nan where none was asked for, inf where
         there is none.
@@ -152,15 +127,9 @@ class StudyLevel(Notice):
     """
 
     solution: Solution
-    size: float
-    energy: float = math.nan
-    displacement: float = math.nan
-    pressure: float = math.nan
     bound: float = math.nan
     unbounded: tuple[str, ...] = ()
     conditions: tuple[str, ...] = ()
-
-    __repr__ = brief
 
     @property
     def converged(self) -> bool:
@@ -168,8 +137,8 @@ class StudyLevel(Notice):
         return self.solution.status is Status.CONVERGED
 
 
-@dataclass(frozen=True, eq=False)
-class Study(ReprMixin, PickleMixin):
+@dataclass(frozen=True, eq=False, repr=False)
+class Study(Convergence):
     """What :func:`study` found.
 
     Attributes
@@ -191,31 +160,19 @@ class Study(ReprMixin, PickleMixin):
         Why the solutions could not be kept in their file; empty if they were, and if none was asked for.
     """
 
-    options: StudyOptions
     levels: tuple[StudyLevel, ...]
-    norms: Mapping[str, float]
-    reference: str
-    interrupted: bool = False
+    options: StudyOptions
     unkept: str = ""
 
-    def __repr__(self) -> str:
-        orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
-        h, count = self.sizes, len(self.levels)
-        meshes = f"{count} meshes, h {h[0]:.3g} to {h[-1]:.3g}"
+    each = "meshes"
+    measured_by = "mesh size h"
+
+    @property
+    def remark(self) -> str:
+        """The conditions of the bounds, or why there is none."""
         remarks = [f"if {' and '.join(level.conditions)}" for level in self.levels if level.conditions]
         remarks += [f"none, because {'; '.join(level.unbounded)}" for level in self.levels if level.unbounded]
-        bounds = f"; {self.kind_of_bound}: {remarks[-1]}" if remarks else ""
-        return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'}{bounds})"
-
-    @property
-    def sizes(self) -> Array:
-        """Mesh sizes h, from large to small."""
-        return np.array([level.size for level in self.levels])
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """Names of the errors that there are."""
-        return tuple(name for name in QUANTITIES if np.isfinite(self.errors(name)).any())
+        return f"; {self.kind_of_bound}: {remarks[-1]}" if remarks else ""
 
     @property
     def bounds(self) -> Array:
@@ -226,44 +183,6 @@ class Study(ReprMixin, PickleMixin):
     def kind_of_bound(self) -> str:
         """What the bounds are called: guaranteed, or conditional where some of them hold on conditions only."""
         return "conditional bound" if any(level.conditions for level in self.levels) else "guaranteed bound"
-
-    @property
-    def converged(self) -> bool:
-        """Whether all solves met their tolerances."""
-        return all(level.converged for level in self.levels)
-
-    def errors(self, quantity: str) -> Array:
-        """The errors of a quantity on each mesh, absolute.
-
-        Raises
-        ------
-        ProblemError
-            The quantity is not known.
-        """
-        if quantity not in QUANTITIES:
-            raise ProblemError(f"quantity '{quantity}' is not known; the quantities are {', '.join(QUANTITIES)}")
-        return np.array([getattr(level, quantity) for level in self.levels])
-
-    def relative(self, quantity: str) -> Array:
-        """The errors of a quantity over the norm of the reference; nan where that is zero."""
-        errors, norm = self.errors(quantity), self.norms[quantity]
-        return errors / norm if norm > 0.0 else np.full_like(errors, np.nan)
-
-    def steps(self, quantity: str) -> Array:
-        """Observed orders from each mesh to the next, ``log(e_k-1 / e_k) / log(h_k-1 / h_k)``; nan for the first."""
-        errors, sizes = self.errors(quantity), self.sizes
-        with np.errstate(divide="ignore", invalid="ignore"):
-            orders = np.log(errors[:-1] / errors[1:]) / np.log(sizes[:-1] / sizes[1:])
-        return np.concatenate([[np.nan], np.where(np.isfinite(orders), orders, np.nan)])
-
-    @cached_property
-    def orders(self) -> dict[str, float]:
-        """The order of each quantity, fitted to the errors on the finest four meshes that can be trusted.
-
-        Where the finest mesh is the reference, the mesh before it shares much of its error, which makes its own look
-        too small: it is left out.  nan with fewer than two meshes.
-        """
-        return {name: observed_order(self.sizes[self.trusted], self.errors(name)[self.trusted]) for name in QUANTITIES}
 
     def rows(self, *, relative: bool = False) -> ResultRows:
         """A row for each mesh: size, unknowns, errors, orders from the mesh before, bound, energy, force, status.
@@ -276,13 +195,8 @@ class Study(ReprMixin, PickleMixin):
             Column("h", self.sizes, "h", unit="length"),
             Column("unknowns", [solution.problem.unknowns for solution in solutions], "unknowns"),
             Column(None, status, "status"),
-            Column(None, [{} for _ in levels], "errors"),
-            Column(None, [{} for _ in levels], "orders"),
+            *self.error_columns(relative),
         ]
-        for name in self.quantities:
-            errors = self.relative(name) if relative else self.errors(name)
-            columns.append(Column(f"{name} error", errors, name, "errors", brief=name))
-            columns.append(Column(f"{name} order", self.steps(name), name, "orders", brief="order", cell=two_decimals))
         if not np.isnan(self.bounds).all():
             size = self.norms["energy"] if relative else 1.0
             columns.append(Column(self.kind_of_bound, np.where(np.isfinite(self.bounds), self.bounds, np.nan) / size))
@@ -309,21 +223,18 @@ class Study(ReprMixin, PickleMixin):
             columns.append(Column(name, values, name.replace("-", "_"), brief=hidden, unit=unit_of(name)))
         return ResultRows(tuple(columns))
 
-    def record(self) -> Record:
-        """Plain numbers, lists and strings for JSON; what is not finite is null."""
-        return {
-            "reference": self.reference,
-            "norms": {name: plain(self.norms[name]) for name in self.quantities},
-            "orders": {name: plain(self.orders[name]) for name in self.quantities},
-            "interrupted": self.interrupted,
-            "meshes": plain(self.rows()[:]),
-        }
-
-    @property
-    def trusted(self) -> BoolArray:
-        """Which meshes are far enough from the reference, bool (k,)."""
-        count = len(self.levels)
-        return np.arange(count) < (count if self.reference == "exact solution" else max(count - 2, 0))
+    def claims(self) -> list[Claim]:
+        """What the errors are of, the fitted orders, and the bound on the finest mesh, or why there is none."""
+        claims, level, norm = super().claims(), self.levels[-1], self.norms["energy"]
+        if math.isfinite(level.bound):
+            relative = f", relative {level.bound / norm:.3g}" if norm > 0.0 else ""
+            sentence = f"{level.bound:.3g} in the energy norm on the finest mesh{relative}"
+            conditions = [f"if {' and '.join(level.conditions)}"] if level.conditions else []
+            claims += [Claim(self.kind_of_bound, sentence, level.bound), *(Claim("", one) for one in conditions)]
+        elif not math.isnan(level.bound):
+            claims.append(Claim("guaranteed bound", "none on the finest mesh"))
+            claims += [Claim("", f"because {reason}") for reason in level.unbounded]
+        return claims
 
 
 @expecting(options=StudyOptions)
@@ -333,11 +244,10 @@ def studying(
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 
     Yields :class:`WarningEvent`, :class:`MethodEvent`, for every mesh :class:`Phase`, :class:`StartEvent`, the steps
-    of the solve and :class:`StudyLevel`; of a mesh that was kept or that another process solves, :class:`Phase` and
-    :class:`StudyLevel`. An interruption ends the work; where the finest mesh is the reference, it is the finest
-    then reached. Every mesh is solved by one thread, so that the numbers depend neither on the number of processes
-    nor on what was kept. Where a problem has several solutions, that on each mesh is the one that its coarser
-    neighbour leads to.
+    of the solve and :class:`StudyLevel`; of a mesh that was kept :class:`Phase` and :class:`StudyLevel`. An
+    interruption ends the work; where the finest mesh is the reference, it is the finest then reached. Every mesh is
+    solved by one thread, so that the numbers do not depend on what was kept. Where a problem has several solutions,
+    that on each mesh is the one that its coarser neighbour leads to.
 
     Parameters
     ----------
@@ -352,7 +262,7 @@ def studying(
     Raises
     ------
     ProblemError, MethodError, FileError
-        As :func:`hemivar.solve`; the problem is no statement, or the exact solution does not fit; a process ended; the
+        As :func:`hemivar.solve`; the problem is no statement, or the exact solution does not fit; the
         record is that of another study.
     """
     options = StudyOptions() if options is None else options
@@ -384,16 +294,9 @@ def studying(
             wanted=options.must_keep,
         )
     levels: list[StudyLevel] = []
-    interrupted = False
-    try:
-        interrupted = yield from _levels(stated, options, kept, levels)
-    except KeyboardInterrupt:
-        interrupted = True
+    interrupted = yield from until_interrupted(_levels(stated, options, kept, levels))
     if options.exact and not interrupted:
-        try:
-            interrupted = yield from _bounded(levels)
-        except KeyboardInterrupt:
-            interrupted = True
+        interrupted = yield from until_interrupted(_bounded(levels))
     if not levels and interrupted:
         raise KeyboardInterrupt
     if not levels:
@@ -410,18 +313,9 @@ def study_digest(problem: ContactProblem, options: StudyOptions) -> str:
 
 
 @known_keywords
+@showing_options(StudyOptions)
 def study(
-    problem: ContactProblem | ManufacturedProblem | str | Path,
-    refine: int = 4,
-    *,
-    known: KnownField | Sequence[str] | None = None,
-    method: Solver | str | None = None,
-    controls: Controls | None = None,
-    jobs: int = 1,
-    checkpoint: str | Path | None = None,
-    exact: bool = False,
-    code: Sequence[str] = (),
-    columns: Sequence[str] = (),
+    problem: ContactProblem | ManufacturedProblem | str | Path, refine: int = StudyOptions.refine, **options: object
 ) -> Study:
     """Solve a problem on finer and finer meshes, and measure errors and orders of convergence.
 
@@ -439,22 +333,7 @@ def study(
     problem : ContactProblem, or path of a problem file
     refine : int
         How often the mesh is halved: ``refine + 1`` meshes.
-    known : KnownField or sequence of str, optional
-        The known solution, a formula for each component.
-    method : Solver or str, optional
-        Chosen for the finest mesh by default.
-    controls : Controls, optional
-        Tolerances and limits of each solve.
-    jobs : int
-        Processes that work at once.
-    checkpoint : str or Path, optional
-        A file that keeps the solutions; a second study continues from it.
-    exact : bool
-        Whether the error on each mesh is bounded as well.
-    code : sequence of str
-        Modules and files whose laws a problem file may name, as for :func:`hemivar.read_problem`.
-    columns : sequence of str
-        Numbers of each solution that tables show beside its errors, as for :func:`hemivar.sweep`.
+    **options
 
     Returns
     -------
@@ -466,13 +345,10 @@ def study(
     ProblemError, MethodError, FileError
         An option makes no sense, a solve is refused, or the file is that of another study.
     """
-    controls = Controls() if controls is None else controls
-    more = {"exact": exact, "code": code, "columns": tuple(columns)}
-    given = StudyOptions(refine, known, method, controls, jobs, checkpoint, **more)  # type: ignore[arg-type]
-    return result_of(studying(problem, given))
+    return result_of(studying(problem, StudyOptions(refine, **options)))  # type: ignore[arg-type]
 
 
-# ---- the meshes, one after the other or by processes -----------------------------------------------------------
+# ---- the meshes, one after the other ---------------------------------------------------------------------------
 
 
 def _levels(
@@ -481,33 +357,26 @@ def _levels(
     """All meshes from coarse to fine, put into the list when they are done; returns whether it was interrupted."""
     count = options.refine + 1
     there = {} if kept is None else {one.number: one for one in kept}
-    mesh = stated.mesh
-    last: Solution | None = None
-    number = 0
-    while number < count and number in there:  # nothing is known of a mesh without those before it
+    mesh, last = stated.mesh, None
+    for number in range(count):
         mesh = mesh if number == 0 else mesh.refined()
-        last = there[number].solution(discretize(stated.on(mesh)))
-        if number == 0:
-            yield from _opening(last.problem, options)
-        yield Phase(f"{_named(mesh, last.problem)}: kept", number, count)
-        levels.append(_level(last, mesh, options))
-        yield levels[-1]
-        number += 1
-    if number == count:
-        return False
-    if min(options.jobs, count - number) > 1:
-        return (yield from _by_processes(stated, options, kept, levels))
-    for mine in range(number, count):
-        mesh = mesh if mine == 0 else mesh.refined()
         discrete = discretize(stated.on(mesh))
-        if mine == 0:
+        named = f"h = {mesh.size:.4g}, {discrete.unknowns} unknowns"
+        if number == 0:
             yield from _opening(discrete, options)
-        yield Phase(_named(mesh, discrete), mine, count)
-        yield StartEvent(discrete, mine, count)
-        last = yield from _solving(discrete, last, options)
-        if last.status in _NO_LEVEL:
-            return last.status is Status.INTERRUPTED
-        _keep(kept, mine, last)
+        if number in there:
+            last = there[number].solution(discrete)
+            yield Phase(f"{named}: kept", number, count)
+        else:
+            there.clear()  # nothing is known of a mesh without those before it
+            yield Phase(named, number, count)
+            yield StartEvent(discrete, number, count)
+            with one_thread():  # the same bits in every process
+                last = yield from from_coarser(discrete, last, as_method(options.method), options.controls)
+            if last.status in _NO_LEVEL:
+                return last.status is Status.INTERRUPTED
+            if kept is not None and last.status is not Status.MAX_TIME:  # what is the same whenever it is computed
+                kept.add(StoredSolution.of(number, last))
         levels.append(_level(last, mesh, options))
         yield levels[-1]
     return False
@@ -521,97 +390,14 @@ def _opening(discrete: DiscreteProblem, options: StudyOptions) -> Work[None]:
         yield MethodEvent(method, "")
 
 
-def _named(mesh: Mesh, discrete: DiscreteProblem) -> str:
-    return f"h = {mesh.size:.4g}, {discrete.unknowns} unknowns"
-
-
-def _keep(kept: ResumeLog[StoredSolution] | None, number: int, solution: Solution) -> None:
-    """Keep what is the same whenever it is computed: not what a time limit ended."""
-    if kept is not None and solution.status is not Status.MAX_TIME:
-        kept.add(StoredSolution.of(number, solution))
-
-
-def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOptions) -> Work[Solution]:
-    """The solution on one mesh from that on the mesh before, by one thread: the same bits in every process."""
-    with one_thread():
-        return (yield from from_coarser(discrete, last, as_method(options.method), options.controls))
-
-
 def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
     """A mesh, with its errors if the exact solution is known."""
-    level = StudyLevel(solution, mesh.size)
+    level = StudyLevel(mesh.size, solution)
     if not isinstance(options.known, KnownField):
         return level
     stated = solution.problem.origin
     assert isinstance(stated, ContactProblem)
     return _against(level, stated, options.known)
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """One mesh, with all that a process needs for it."""
-
-    number: int
-    stated: ContactProblem
-    options: StudyOptions
-    folder: Path
-    first: int
-    start: Solution | None
-
-
-def _by_processes(
-    stated: ContactProblem, options: StudyOptions, kept: ResumeLog[StoredSolution] | None, levels: list[StudyLevel]
-) -> Work[bool]:
-    """The meshes that are not in the list yet, by several processes; returns whether the work was interrupted.
-
-    Each mesh needs the solution on the one before, but not to be made and assembled.  The finest meshes come first,
-    each in a process of its own that has assembled its problem when the solution arrives; what is left is the chain of
-    the coarser ones for the last process, so that there is always one that waits for nothing.
-    """
-    first, count = len(levels), options.refine + 1
-    start = levels[-1].solution if levels else None
-    heads = min(options.jobs, count - first) - 1
-    order = [*range(count - 1, count - 1 - heads, -1), *range(first, count - heads)]
-    plain = replace(options, checkpoint=None, jobs=1)
-    with tempfile.TemporaryDirectory(prefix="hemivar-study-") as folder:
-        tasks = [_Task(number, stated, plain, Path(folder), first, start) for number in order]
-        with contextlib.closing(results(_mesh, tasks, options.jobs)) as finished:
-            done: dict[int, StudyLevel] = {}
-            for number, level in finished:
-                done[number] = level
-                while len(levels) in done:  # two may be done at once, the finer first
-                    mine = len(levels)
-                    solution, size = done[mine].solution, done[mine].size
-                    if mine == 0:
-                        yield from _opening(solution.problem, options)
-                    if solution.status in _NO_LEVEL:
-                        return solution.status is Status.INTERRUPTED
-                    _keep(kept, mine, solution)
-                    levels.append(done.pop(mine))
-                    yield Phase(f"h = {size:.4g}, {solution.problem.unknowns} unknowns: done", mine, count)
-                    if (yield levels[-1]):
-                        return len(levels) < count
-    return False
-
-
-def _mesh(task: _Task) -> tuple[int, StudyLevel]:
-    """The solution on one mesh, in a process of its own."""
-    mesh = task.stated.mesh
-    before = mesh
-    for _ in range(task.number):
-        before, mesh = mesh, mesh.refined()
-    discrete = discretize(task.stated.on(mesh))
-    last = task.start
-    if task.number > task.first:
-        coarse = discretize(task.stated.on(before))
-        passed = task.folder / str(task.number - 1)
-        while not passed.exists():
-            time.sleep(_PAUSE)
-        last = StoredSolution.read(passed, _MOST_KEPT).solution(coarse)
-    solution = result_of(_solving(discrete, last, task.options))
-    if task.number < task.options.refine and solution.status not in _NO_LEVEL:
-        StoredSolution.of(task.number, solution).keep(task.folder / str(task.number))
-    return task.number, _level(solution, mesh, task.options)
 
 
 # ---- errors ----------------------------------------------------------------------------------------------------
@@ -702,7 +488,7 @@ def _measured(
         levels = [*(_against_finest(level, finest, fine) for level in levels[:-1]), levels[-1]]
     size = math.sqrt(float(weights @ pressure**2))
     sizes = {"energy": norms.energy, "displacement": norms.mean_square, "pressure": size}
-    return Study(options, tuple(levels), MappingProxyType(sizes), reference, interrupted, unkept)
+    return Study(tuple(levels), MappingProxyType(sizes), reference, interrupted, options, unkept)
 
 
 def _against_finest(level: StudyLevel, finest: Solution, fine: ContactProblem) -> StudyLevel:
