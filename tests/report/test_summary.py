@@ -114,3 +114,10 @@ def test_summary_and_record_say_which_method_took_over() -> None:
     assert found.remarks[0].startswith("multigrid took over")
     assert found.remarks[0] in str(found.summary())
     assert found.remarks[0] in found.to_dict()["warnings"]
+
+
+def test_the_summary_tells_how_a_plate_moves() -> None:
+    """A column of Poisson's ratio 0 under a plate that its base does not turn."""
+    supports = {"bottom": hv.Roller(), "left": hv.Roller(), "top": hv.mechanics.RigidPlate(force=(0.0, -0.5))}
+    column = hv.ContactProblem(hv.rectangle((1.0, 1.0), 2), hv.Material.young(10.0, 0.0), {}, supports)
+    assert dict(solve(column).summary().rows)["plate"] == "top moves by x 0, y -0.05, turn_z 0"

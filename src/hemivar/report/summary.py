@@ -16,6 +16,7 @@ from hemivar.basics.rows import Claim
 from hemivar.basics.types import Array
 from hemivar.basics.units import UNITS_REMEDY, Units
 from hemivar.certificates import Certificate
+from hemivar.discrete import Field
 from hemivar.errors import ProblemError
 from hemivar.fem.stress_stiffness import stiffens
 from hemivar.solvers import NormalState, Solution, Status, TangentialState
@@ -167,8 +168,19 @@ def _body_part(solution: Solution, units: Units) -> Iterator[Row]:
                 yield "", f"(and {len(solution.reactions) - number} more; --json holds all)"
                 break
             yield "" if number else "support forces", f"{shown(name)} {_vector(force, units.force, size)}"
+        for name, plate in solution.plates.items():
+            yield "plate", f"{shown(name)} moves by {_motions(plate, solution.displacement, solution.problem.field)}"
     largest = float(solution.problem.vectors.largest(_most(solution.von_mises()))[0])
     yield "max von Mises", _with(f"{largest:.6g}", units.stress)
+
+
+def _motions(plate: Mapping[str, float], displacement: Array, field: Field | None) -> str:
+    """The motions of a rigid plate, those of rounding as zeros."""
+    assert field is not None
+    largest, extent = float(np.abs(displacement).max()), float(np.ptp(field.mesh.points, axis=0).max())
+    moves = {name: value for name, value in plate.items() if name in "xyz" or name.startswith("turn")}
+    sizes = {name: largest / extent if name.startswith("turn") else largest for name in moves}
+    return ", ".join(f"{name} {_beyond_rounding(value, sizes[name]):.6g}" for name, value in moves.items())
 
 
 def _force_size(solution: Solution) -> float:
