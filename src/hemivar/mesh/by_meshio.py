@@ -16,7 +16,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.kinds import CODES, KINDS, unknown_kind
-from hemivar.mesh.raw import RawMesh
+from hemivar.mesh.raw import MOST_GROUPS, RawMesh
 from hemivar.mesh.tetgen import tetgen_faces
 from hemivar.mesh.vtk_grid import is_unstructured_vtk, parse_vtk
 from hemivar.mesh.vtu_grid import CellGrid, read_vtu
@@ -52,8 +52,6 @@ _AROUND = re.compile(rb" ?([(),]) ?")
 _TIN = re.compile(rb"TIN ?Z?\(\(\(n n n(?:,n n n){3}\)\)(?:,\(\(n n n(?:,n n n){3}\)\))*\)")
 #: What to do about a file that cannot be read.
 _SAVE = "save it as Gmsh 2.2 or 4.1, Abaqus, Nastran or VTU"
-#: An array of more numbers than these counts cells rather than groups.
-_MOST_GROUPS = 256
 
 
 def format_of(path: Path, start: bytes) -> str:
@@ -74,9 +72,9 @@ def read_by_meshio(path: Path, formats: Sequence[str] = ()) -> RawMesh:
             _add(raw, (KINDS[CODES[grid.cells[number].type]].dim, name), places[number], rows)
     raw.at_nodes.update(_node_sets(grid))
     raw.notes.extend(
-        f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was ignored"
+        f"array '{name}' numbers more than {MOST_GROUPS} groups; it was ignored"
         for name, values in grid.cell_data.items()
-        if _numbers_groups(name, values) and _count(values) > _MOST_GROUPS
+        if _numbers_groups(name, values) and _count(values) > MOST_GROUPS
     )
     if path.suffix.lower() in (".ele", ".node"):
         tetgen_faces(path, raw)
@@ -194,7 +192,7 @@ def _sets(grid: meshio.Mesh | CellGrid) -> Iterator[tuple[str, _Members]]:
         named.add(name)
         yield name, parts
     for name, values in grid.cell_data.items():
-        if _numbers_groups(name, values) and _count(values) <= _MOST_GROUPS:
+        if _numbers_groups(name, values) and _count(values) <= MOST_GROUPS:
             for number, tags in enumerate(values):
                 for tag in np.unique(tags).tolist():
                     dim = KINDS[CODES[grid.cells[number].type]].dim

@@ -176,7 +176,7 @@ class _Groups:
         count = int(number.max()) + 1
         facets, keys, _ = cell_facets(number[split.cells[dim]], count)
         ordered, first, counts = np.unique(keys, return_index=True, return_counts=True)
-        inner = ordered[counts > 1]
+        inner = counts > 1
         for (of, name), rows in raw.groups.items():
             mask = np.zeros(len(raw.kinds[of]), dtype=bool)
             mask[rows] = True
@@ -192,12 +192,13 @@ class _Groups:
             self._nodes(name, outer, at[number >= 0])
 
     def _facets(
-        self, name: str, facets: IntArray, keys_of: Callable[[IntArray], IntArray], known: IntArray, inner: IntArray
+        self, name: str, facets: IntArray, keys_of: Callable[[IntArray], IntArray], known: IntArray, inner: BoolArray
     ) -> None:
-        """A group of facets: those between two cells are an interface."""
+        """A group of facets: those between two cells are an interface; ``known`` are the keys of all, in order."""
         apart = np.asarray((facets < 0).any(axis=1))
         keys = keys_of(np.where(apart[:, None], 0, facets))
-        apart |= ~np.isin(keys, known)
+        at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
+        apart |= known[at] != keys
         if apart.all():
             self.notes.append(f"group '{name}' belongs to no cell of the body; it was ignored")
             return
@@ -206,7 +207,7 @@ class _Groups:
                 f"group '{name}' has facets that belong to no cell ({np.count_nonzero(apart)} of {len(facets)}); "
                 "remove them"
             )
-        within = np.asarray(np.isin(keys, inner))
+        within = inner[at]
         if not within.all():
             self.boundaries[name] = facets[~within]
         if within.any():
