@@ -15,6 +15,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.mesh.abaqus import is_abaqus, parse_abaqus
 from hemivar.mesh.by_meshio import format_of, read_by_meshio
 from hemivar.mesh.checks import check_order
+from hemivar.mesh.exodus import parse_exodus
 from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
@@ -121,6 +122,8 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     other = format_of(path, start)
     if suffix in _NASTRAN and not other and is_nastran(start):
         return parse_nastran(text(_OF_FIELDS), path.parent)
+    if other == "exodus" or suffix in (".e", ".exo", ".ex2"):
+        return parse_exodus(path, start)
     if other:
         return read_by_meshio(path, [other])
     if suffix == ".msh" and not start.lstrip().startswith(b"("):
