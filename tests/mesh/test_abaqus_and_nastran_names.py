@@ -87,6 +87,22 @@ def test_parts_are_put_where_their_instances_say(tmp_path: Path) -> None:
     assert set(mesh.regions) == {"All of it"}
 
 
+def test_instances_have_meshes_of_their_own(tmp_path: Path) -> None:
+    """As for independent instances: numbers and sets belong to each, and places are those of the instance."""
+    own = nodes([(0, 0), (1, 0), (1, 1), (0, 1)])
+    own += "*Element, type=CPE4, elset=All\n1, 1, 2, 3, 4\n*Nset, nset=Low\n1, 2\n*End Instance\n"
+    mesh = abaqus(
+        tmp_path,
+        "*Part, name=Block\n*End Part\n*Assembly, name=A\n*Instance, name=One, part=Block\n" + own
+        + "*Instance, name=Two, part=Block\n0., 3.\n" + own.replace("=All", "=Rest")
+        + "*Nset, nset=Right, instance=Two\n2, 3\n*End Assembly\n",
+    )  # fmt: skip
+    assert (mesh.parts.count, mesh.volumes.sum()) == (2, pytest.approx(2.0))
+    assert {name: length(mesh, name) for name in mesh.boundaries} == pytest.approx({"Low": 2.0, "Right": 1.0})
+    assert mesh.points[mesh.boundaries["Right"]].mean(axis=(0, 1)).tolist() == pytest.approx([1.0, 3.5])
+    assert {name: mesh.volumes[own].sum() for name, own in mesh.regions.items()} == {"All": 1.0, "Rest": 1.0}
+
+
 def test_sets_of_sets_and_generated_ones(tmp_path: Path) -> None:
     square = list(itertools.product(range(3), range(3)))
     cells = [(3 * i + j + 1, 3 * i + j + 4, 3 * i + j + 5, 3 * i + j + 2) for i in range(2) for j in range(2)]

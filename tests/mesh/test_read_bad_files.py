@@ -166,8 +166,12 @@ CASES = [
     ("inp", "high\n3, 4\n", "high\n3, 4, top\n", "'high' refers to the set 'top', which is not there"),
     ("inp", "NSET=high\n3, 4", "NSET=high, GENERATE\n3", "a generated set has the line '3'; give first, last and step"),
     ("inp", "*SURFACE", "*NGEN\n1, 4\n*SURFACE", r"nodes or elements by \*NGEN, which is not read"),
-    ("inp", "*SURFACE", "*INCLUDE, INPUT=none.inp\n*SURFACE", "none.inp"),
-    ("inp", "*SURFACE", "*INCLUDE, INPUT=part.inp\n*SURFACE", "include one another more than 8 deep"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=none.inp\n*SURFACE", "'part.inp' includes 'none.inp', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=\n*SURFACE", "'part.inp' includes '', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE\n*SURFACE", "'part.inp' includes '', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=" + 300 * "a" + "\n*SURFACE", "aaa', which is not there"),
+    ("inp", "*NODE, NSET=all", "*NODE, INPUT=none.txt", "'part.inp' includes 'none.txt', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=part.inp\n*SURFACE", "'part.inp' includes 'part.inp', which includes it"),
     ("inp", "*ELEMENT, TYPE=CPE4, ELSET=body\n1, 1, 2, 3, 4\n", "", r"it holds no \*ELEMENT"),
     ("inp", INP, "nothing here", "it holds no keyword of Abaqus"),
     ("inp", "*SURFACE", "*INSTANCE, NAME=a, PART=b\n*END INSTANCE\n*SURFACE", "instance 'A' is of part 'B'"),
@@ -210,8 +214,8 @@ CASES = [
     ("unv", "0         1\nlow", "0        40\nlow", "a group of dataset 2467 says 40 members"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nTrianglesP2\n0\nEnd\n", "cells of type TrianglesP2"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nSpheres\n0\nEnd\n", "format medit .Unknown keyword 'Spheres'"),
-    ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "none.bdf"),
-    ("bdf", "CQUAD4", "include part.bdf\nCQUAD4", "include one another more than 8 deep"),
+    ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "'part.bdf' includes 'none.bdf', which is not there"),
+    ("bdf", "CQUAD4", "include part.bdf\nCQUAD4", "'part.bdf' includes 'part.bdf', which includes it"),
     ("tec", None, TECPLOT[:60], "format tecplot: it is cut off, damaged or of another kind"),
     ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "it is not a TIN of triangles"),
     ("mdpa", None, "Begin Nodes\n 1 0.0 0.0 0.0\n", "format mdpa: it is cut off, damaged or of another kind"),
@@ -295,6 +299,44 @@ def test_a_deck_of_nastran_holds_what_it_includes(tmp_path: Path) -> None:
     deck.write_text("INCLUDE 'cells.inc'\n")
     (tmp_path / "cells.inc").write_text(f"{nodes}CTETRA,1,7,1,2,3,4\n")
     assert read_mesh(deck).number_of_cells == 1
+
+
+@pytest.mark.parametrize("suffix", ["inp", "bdf"])
+def test_included_files_are_looked_for_beside_the_one_that_includes_them(suffix: str, tmp_path: Path) -> None:
+    """Two deep in a folder; one name counts from the folder of the first file. Circles of three are named."""
+    word = "*INCLUDE, INPUT={}\n" if suffix == "inp" else "INCLUDE '{}'\n"
+    nodes, cells = (
+        ("*NODE\n1, 0., 0.\n2, 1., 0.\n3, 0., 1.\n", "*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n")
+        if suffix == "inp"
+        else ("GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\n", "CTRIA3,1,7,1,2,3\n")
+    )
+    (tmp_path / "sub" / "more").mkdir(parents=True)
+    first = tmp_path / f"part.{suffix}"
+    first.write_text(word.format("sub/a.inc"))
+    (tmp_path / "sub" / "a.inc").write_text(word.format("more\\b.inc") + word.format("last.inc"))
+    (tmp_path / "sub" / "more" / "b.inc").write_text(nodes)
+    (tmp_path / "last.inc").write_text(cells)
+    assert read_mesh(first).volumes.sum() == pytest.approx(0.5)
+    (tmp_path / "last.inc").write_text(cells + word.format("sub/a.inc"))
+    with pytest.raises(ProblemError, match=r"'last.inc' includes 'sub/a.inc', which includes it; remove the circle"):
+        read_mesh(first)
+    (tmp_path / "last.inc").write_text(cells + word.format("gone.inc"))
+    with pytest.raises(ProblemError, match=r"'last.inc' includes 'gone.inc', which is not there; put that file beside"):
+        read_mesh(first)
+
+
+def test_data_of_abaqus_stand_in_files_of_their_own(tmp_path: Path) -> None:
+    """By INPUT of a keyword, or as lines that go on with it."""
+    (tmp_path / "nodes.txt").write_text("** x and y\n1, 0., 0.\n2, 1., 0.\n")
+    (tmp_path / "more.txt").write_text("3, 1., 1.\n4, 0., 1.\n")
+    (tmp_path / "cells.txt").write_text("1, 1, 2, 3, 4\n")
+    path = tmp_path / "part.inp"
+    path.write_text(
+        "*NODE, INPUT=nodes.txt\n*NODE, NSET=top\n*include, input=more.txt\n"
+        "*ELEMENT, TYPE=CPS4, INPUT=cells.txt, ELSET=plate\n"
+    )
+    mesh = read_mesh(path)
+    assert (mesh.volumes.sum(), set(mesh.boundaries), set(mesh.regions)) == (pytest.approx(1.0), {"top"}, {"plate"})
 
 
 @pytest.mark.parametrize(

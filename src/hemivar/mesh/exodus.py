@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 
 import numpy as np
-from scipy.io import netcdf_file
 
 from hemivar.basics.disk import read_bytes, shown
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.hdf5 import HDF5, arrays_of_hdf5
@@ -93,6 +93,9 @@ def _classic(path: Path, start: bytes) -> tuple[dict[str, AnyArray], dict[str, s
         raise ProblemError(
             "it is netCDF of the kind CDF-5, which is not read; save it as netCDF-4 or with 64-bit offsets"
         )
+    with IMPORTS:
+        from scipy.io import netcdf_file
+
     data = io.BytesIO(read_bytes(path, "mesh file", path.stat().st_size))
     try:
         with netcdf_file(data, "r", mmap=False) as file:

@@ -43,7 +43,7 @@ _CARD = re.compile(rb"^(?:GRID[\s*,]|BEGIN\s+BULK|SOL\s|CEND\b|INCLUDE\s*['\"])"
 _INCLUDE = re.compile(
     r"""^[ \t]*INCLUDE[ \t]*(?:'([^']*)'|"([^"]*)"|([^\s'"][^\n$]*))[^\n]*$""", re.MULTILINE | re.IGNORECASE
 )
-_ENDDATA = re.compile(r"^[ \t]*ENDDATA.*\Z", re.MULTILINE | re.IGNORECASE | re.DOTALL)
+_ENDDATA = r"(?im)^[ \t]*ENDDATA"
 
 
 def is_nastran(start: bytes) -> bool:
@@ -51,9 +51,9 @@ def is_nastran(start: bytes) -> bool:
     return _CARD.search(start) is not None
 
 
-def parse_nastran(text: str, folder: Path) -> RawMesh:
-    """The mesh in the text of a deck; properties are groups, files that it includes are looked for in a folder."""
-    text = _whole_deck(text, Included(folder), 0)
+def parse_nastran(text: str, path: Path) -> RawMesh:
+    """The mesh in the text of a deck of this name, and of the files that it includes; properties are groups."""
+    text = Included(path, text).whole(_INCLUDE, _ENDDATA)
     names = {}
     for match in _NAMES.finditer(text):
         number, name = (one for one in match.groups() if one is not None)
@@ -79,16 +79,6 @@ def parse_nastran(text: str, folder: Path) -> RawMesh:
     raw = put_together(np.concatenate(ids), np.concatenate(points), blocks, known, repeated=False)
     raw.notes.extend(f"elements {card} belong to no body and were ignored" for card in sorted(others))
     return raw
-
-
-def _whole_deck(text: str, included: Included, depth: int) -> str:
-    """The deck up to its end, with the files that it includes in their places."""
-
-    def put(match: re.Match[str]) -> str:
-        name = re.sub(r"\s*\n\s*", "", next(group for group in match.groups() if group is not None)).strip()
-        return _whole_deck(included.text(name, depth), included, depth + 1)
-
-    return _INCLUDE.sub(put, _ENDDATA.sub("", text.replace("\r\n", "\n")))
 
 
 def _elements(card: str, fields: AnyArray, blocks: list[Block]) -> None:

@@ -112,7 +112,7 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     if is_msh(start):
         return parse_msh(read_bytes(path, "mesh file", max(size, 1)))
     if suffix == ".inp" or is_abaqus(start):
-        return parse_abaqus(text(), path.parent)
+        return parse_abaqus(text(), path)
     if suffix == ".vol" or _NETGEN.match(start):
         return parse_netgen(text())
     if suffix == ".su2" or _SU2.search(start):
@@ -121,7 +121,7 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
         return parse_unv(text(_OF_FIELDS))
     other = format_of(path, start)
     if suffix in _NASTRAN and not other and is_nastran(start):
-        return parse_nastran(text(_OF_FIELDS), path.parent)
+        return parse_nastran(text(_OF_FIELDS), path)
     if other == "exodus" or suffix in (".e", ".exo", ".ex2"):
         return parse_exodus(path, start)
     if other:
@@ -129,7 +129,7 @@ def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     if suffix == ".msh" and not start.lstrip().startswith(b"("):
         raise ProblemError("cannot be read: it does not begin like a Gmsh file ($MeshFormat)")
     if is_nastran(start):
-        return parse_nastran(text(_OF_FIELDS), path.parent)
+        return parse_nastran(text(_OF_FIELDS), path)
     return read_by_meshio(path)
 
 
