@@ -147,6 +147,44 @@ def test_fields_of_nastran(grid: str, cell: str, tmp_path: Path) -> None:
     assert mesh.notes == ("elements CELAS1 belong to no body and were ignored",)
 
 
+#: A system turned by 90 degrees about z at (2, 1), in it one that is shifted along its x, and round ones at its origin.
+SYSTEMS = (
+    "CORD2R,7,5,1.,0.,0.,1.,0.,1.\n,2.,0.,0.\nCORD2R,5,,2.,1.,0.,2.,1.,3.\n,2.,9.,0.\n"
+    "CORD2C,8,5,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nCORD2S*,9,5,0.,0.\n*,0.,0.,0.,1.\n*,1.,0.,0.\n"
+    "CORD2R,6,8,1.,90.,0.,1.,90.,1.\n,2.,90.,0.\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("system", "places"),
+    [
+        (5, [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]),
+        (7, [(-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, 0.0, 1.0)]),
+        (8, [(0.0, 30.0, 0.0), (1.0, 0.0, 0.0), (1.0, 90.0, 0.0), (0.0, 0.0, 1.0)]),
+        (9, [(0.0, 30.0, 0.0), (1.0, 90.0, 0.0), (1.0, 90.0, 90.0), (1.0, 0.0, 50.0)]),
+        (6, [(-1.0, 0.0, 0.0), (-1.0, -1.0, 0.0), (0.0, 0.0, 0.0), (-1.0, 0.0, 1.0)]),
+    ],
+)
+@pytest.mark.parametrize("by_default", [False, True])
+def test_grid_points_of_nastran_lie_in_systems_of_their_own(
+    system: int, places: list, by_default: bool, tmp_path: Path
+) -> None:
+    """In each of them the same tetrahedron: its corner at (2, 1, 0), and edges along y, -x and z."""
+    path = tmp_path / "part.bdf"
+    rows = (
+        f"GRID,{n},{'' if by_default else system},{x},{y},{z},{'' if by_default else 5}\n"
+        for n, (x, y, z) in enumerate(places, start=1)
+    )
+    default = f"GRDSET,,{system},,,,5\n" if by_default else ""
+    path.write_text(f"BEGIN BULK\n{default}{''.join(rows)}{SYSTEMS}CTETRA,1,3,1,2,3,4\nENDDATA\n")
+    mesh = read_mesh(path)
+    wanted = [[2.0, 1.0, 0.0], [2.0, 2.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 1.0]]
+    np.testing.assert_allclose(mesh.points, wanted, atol=1e-14)
+    assert mesh.notes == (
+        "directions of displacements that grid points have of their own (CD) were ignored: they are x, y, z",
+    )
+
+
 def test_hexahedra_of_nastran_go_on_over_several_lines(tmp_path: Path) -> None:
     points = CORNERS["C3D8R"]
     text = "".join(f"GRID,{number},,{x}.,{y}.,{z}.\n" for number, (x, y, z) in enumerate(points, start=1))
