@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import warnings
 from pathlib import Path
 
@@ -225,7 +226,8 @@ CASES = [
     ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "it is not a TIN of triangles"),
     ("mdpa", None, "Begin Nodes\n 1 0.0 0.0 0.0\n", "format mdpa: it is cut off, damaged or of another kind"),
     ("msh", None, '(0 "x")(2 3)(10 (0 1 3 0 3))(10 (1 1 3 1 3)(0 0', "format ansys: it is cut off"),
-    ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),
+    ("msh", None, "$ a comment of another program\n1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),
+    ("bdf", None, "$ only a comment\nCTRIA3,1,7,1,2,3\n", "it holds no GRID"),
     ("msh", None, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", r"it has no section \$Nodes"),
 ]  # fmt: skip
 
@@ -345,13 +347,35 @@ def test_data_of_abaqus_stand_in_files_of_their_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text"),
-    [("all.msh", TEXTS["inp"]), ("all.txt", TEXTS["bdf"]), ("all.grid", TEXTS["su2"]), ("all.mesh", TEXTS["vol"]),
-     ("all", TECPLOT), ("all.dat", TEXTS["vtk"])],
+    ("name", "text", "note"),
+    [("all.msh", "inp", "its suffix '.msh' stands for Gmsh, but it holds Abaqus and was read so"),
+     ("all.txt", "bdf", ""),
+     ("all.inp", "unv", "its suffix '.inp' stands for Abaqus, but it holds I-DEAS and was read so"),
+     ("all.msh", "bdf", "its suffix '.msh' stands for Gmsh, but it holds Nastran and was read so"),
+     ("all.su2", "vol", "its suffix '.su2' stands for SU2, but it holds Netgen and was read so"),
+     ("all.vol", "su2", "its suffix '.vol' stands for Netgen, but it holds SU2 and was read so"),
+     ("all.inp", "vtk", "its suffix '.inp' stands for Abaqus, but it holds VTK and was read so"),
+     ("all.bdf", "inp", "its suffix '.bdf' stands for Nastran, but it holds Abaqus and was read so"),
+     ("all.e", "msh", "its suffix '.e' stands for Exodus, but it holds Gmsh and was read so"),
+     ("all.grid", "su2", ""), ("all", "tec", ""), ("all.dat", "vtk", ""),
+     ("all.dat", "inp", ""), ("all.frd", "unv", "")],
 )  # fmt: skip
-def test_a_file_is_known_by_what_it_holds(name: str, text: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_text(text)
-    assert read_mesh(tmp_path / name).number_of_cells
+def test_a_file_is_known_by_what_it_holds(name: str, text: str, note: str, tmp_path: Path) -> None:
+    """A byte order mark before it does not matter; a suffix that stands for another format is told."""
+    others = {"tec": TECPLOT, "msh": (FILES.parent / "gmsh" / "plane-2.2-text.msh").read_text()}
+    for mark in ("", "\ufeff") if text in ("inp", "bdf", "unv", "vol", "msh") else ("",):
+        (tmp_path / name).write_text(mark + {**TEXTS, **others}[text], encoding="utf-8")
+        mesh = read_mesh(tmp_path / name)
+        assert mesh.number_of_cells
+        assert [one for one in mesh.notes if "suffix" in one] == ([note] if note else [])
+
+
+def test_med_without_h5py_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    for name in ("part.mmed", "part.med", "part.e", "part"):
+        (tmp_path / name).write_bytes((FILES / "gmsh-plane.med").read_bytes())
+        with pytest.raises(ProblemError, match="its format is read with the package h5py; pip install h5py"):
+            read_mesh(tmp_path / name)
 
 
 def test_arrays_that_were_never_written_are_not_made(tmp_path: Path) -> None:
