@@ -177,8 +177,11 @@ def test_the_mirror_image_of_a_problem_has_the_mirror_image_of_its_solution(tmp_
         ('mirror = "w"', r"\[mesh\] mirror"),
         ("axis = [0, 0, 1]\nturn = 3", r"\[mesh\] axis: .* this mesh is 2D and has none: leave it out"),
         ("box = [1.0, 1.0, 1.0]\nturn = 3", r"\[mesh\] turn: .* this mesh is 3D and needs one, such as \(0, 0, 1\)"),
-        ("box = [1.0, 1.0, 1.0]\naxis = [0, 0]\nturn = 3", r"\[mesh\] axis: axis is no direction; give three numbers"),
-        ("box = [1.0, 1.0, 1.0]\naxis = [0, 0, 0]\nturn = 3", r"\[mesh\] axis: axis is no direction"),
+        (
+            "box = [1.0, 1.0, 1.0]\naxis = [0, 0]\nturn = 3",
+            r"\[mesh\] axis: axis must be a direction; give three numbers",
+        ),
+        ("box = [1.0, 1.0, 1.0]\naxis = [0, 0, 0]\nturn = 3", r"\[mesh\] axis: axis must be a direction"),
     ],
 )
 def test_wrong_places_are_refused(line: str, message: str, tmp_path: Path) -> None:

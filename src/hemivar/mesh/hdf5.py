@@ -6,7 +6,7 @@ import contextlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from hemivar.basics.disk import shown
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray
 from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    import h5py  # type: ignore[import-untyped]
 
 __all__ = ["HDF5", "arrays_of_hdf5", "format_of_hdf5", "refuse_unwritten"]
 
@@ -25,11 +28,11 @@ _SUFFIXES = {".e": "exodus", ".exo": "exodus", ".ex2": "exodus", ".cgns": "", ".
 
 
 @contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _opened(path: Path) -> Iterator[h5py.File]:
     """The file; failures in one sentence."""
     try:
         with IMPORTS:
-            import h5py  # type: ignore[import-untyped]
+            import h5py
     except ModuleNotFoundError as error:
         raise ProblemError("its format is read with the package h5py; pip install h5py") from error
     try:
@@ -51,7 +54,7 @@ def format_of_hdf5(path: Path) -> str:
 def refuse_unwritten(path: Path) -> None:
     """Refuse arrays that are larger than what is stored of them can be."""
 
-    def look(name: str, item: Any) -> None:
+    def look(name: str, item: h5py.Dataset | h5py.Group) -> None:
         if hasattr(item, "nbytes") and item.nbytes > _PACKED * (item.id.get_storage_size() + 4096):
             raise ProblemError(
                 f"the array '{shown(name)}' is said to hold {item.nbytes / 2**20:.0f} MiB, and most of it was never "

@@ -390,13 +390,13 @@ class Mesh(PickleMixin):
             raise ProblemError(f"the angle is {turn}; give a finite number of radians")
         if (axis is None) != (self.dim == 2):
             how = "has none: leave it out" if self.dim == 2 else "needs one, such as (0, 0, 1)"
-            raise ProblemError(f"a mesh in space is turned about an axis; this mesh is {self.dim}D and {how}")
+            raise ProblemError(f"a mesh in 3D is turned about an axis; this mesh is {self.dim}D and {how}")
         c, s = math.cos(turn), math.sin(turn)
         if axis is None:
             return self.moved(np.array([[c, -s], [s, c]]))
         along = real_array(axis, "axis")
         if along.shape != (3,) or not 0.0 < (size := float(np.abs(along).max())) < math.inf:
-            raise ProblemError("axis is no direction; give three numbers that are not all 0, such as (0, 0, 1)")
+            raise ProblemError("axis must be a direction; give three numbers that are not all 0, such as (0, 0, 1)")
         k = along / size / np.linalg.norm(along / size)
         across = np.cross(np.eye(3), k)  # across @ x is k times x
         return self.moved(c * np.eye(3) + s * across + (1.0 - c) * np.outer(k, k))
