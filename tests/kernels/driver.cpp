@@ -495,9 +495,10 @@ void add_up_simplices(int dim, int inner, bool slopes) {
     std::vector<double> slope(mesh.count * moments);
     const auto pass = [&](std::vector<double>& out) {
         out.assign(mesh.count, 0.0);
-        const CellStresses body{mesh.count, facets, 1, compliance.data(), mesh.gradients.data(), mesh.signs.data(),
-                                mesh.cell_facets.data(), stress.data(), own.data(), -1.0, given.data(),
-                                inner ? nullptr : given.data(), out.data(), slopes ? slope.data() : nullptr};
+        const CellStresses body{mesh.count, facets, 1, compliance.data(), mesh.alike.data(), mesh.gradients.data(),
+                                mesh.signs.data(), mesh.cell_facets.data(), stress.data(), own.data(), -1.0,
+                                given.data(), inner ? nullptr : given.data(), out.data(),
+                                slopes ? slope.data() : nullptr};
         add_up_cells(element, body);
         double sum = 0.0;
         for (double x : out) sum += x;
@@ -538,11 +539,11 @@ void add_up_simplices(int dim, int inner, bool slopes) {
     const CellBubbles bubbles{dim, mesh.count, static_cast<int64_t>(edges.size()), facets, 1, unit.data(),
                               mesh.gradients.data(), sizes.data(), flat.data(), given.data(), edges.data(),
                               mesh.cell_facets.data(), ends.data(), inside.data()};
-    std::vector<double> strains(flat), stresses(flat), forces(given);
+    std::vector<double> stresses(flat), forces(given);
     strain_cells(dim, mesh.count, 1, mesh.points.data(), mesh.cells.data(), mesh.gradients.data(), sizes.data(),
-                 unit.data(), strains.data(), stresses.data(), forces.data());
-    for (int64_t k = 0; k < static_cast<int64_t>(strains.size()); ++k) {  // the places themselves as displacements
-        check(strains[k] == (k % (dim * dim) % (dim + 1) == 0 ? 1.0 : 0.0), "the strain of a stretch is not one");
+                 unit.data(), stresses.data(), forces.data());
+    for (int64_t k = 0; k < static_cast<int64_t>(stresses.size()); ++k) {  // the places themselves as displacements
+        check(stresses[k] == (k % (dim * dim) % (dim + 1) == 0 ? 1.0 : 0.0), "the stress of a stretch is not one");
     }
     const double square = unresolved_square(bubbles);
     check(square > 0.0 && std::isfinite(square), "bubbles see no load");
@@ -552,7 +553,7 @@ void add_up_simplices(int dim, int inner, bool slopes) {
 // Facets and stars of cells whose vertices rise, with numbers that are made up.
 struct Stars {
     int64_t dim, cells, nodes, facets, corners = dim + 1, size = cells * corners * dim;
-    std::vector<int64_t> vertices, numbers, owners, ends, others, start, pairs, every;
+    std::vector<int64_t> vertices, numbers, owners, ends, others, start, pairs, every, outer;
     std::vector<int32_t> place;
     std::vector<double> signs, forces, loads, given, unknown, dear, missed, ones, measures;
     std::vector<uint8_t> interior, contact;
@@ -576,8 +577,7 @@ struct Stars {
             check(*std::min_element(measures.begin(), measures.end()) > 0.0, "a facet without an area");
         }
         list_stars(static_cast<int>(corners), nodes, cells, vertices.data(), start.data(), pairs.data(), place.data());
-        given.assign(facets * dim * dim, 0.2);
-        unknown.assign(given.size(), 0.0);
+        outer.assign(facets, -1);
         ones.assign(cells + facets, 1.0);
         interior.resize(facets);
         contact.resize(facets);
@@ -587,16 +587,17 @@ struct Stars {
         for (int64_t facet = 0; facet < facets; ++facet) {
             interior[facet] = owners[2 * facet + 1] >= 0;
             contact[facet] = !interior[facet] && facet % 3 == 0;
-            for (int64_t i = 0; i < dim; ++i) {
-                unknown[(facet * dim + i) * dim + i] = interior[facet] || (facet % 3 == 1 && i == 0);
-            }
+            if (interior[facet]) continue;
+            outer[facet] = static_cast<int64_t>(unknown.size()) / (dim * dim);
+            for (int64_t k = 0; k < dim * dim; ++k) unknown.push_back(facet % 3 == 1 && k == 0);
         }
+        given.assign(unknown.size(), 0.2);
     }
     StarBody body() const {
         return {dim, dim, corners, nodes, nodes, cells, facets, vertices.data(), numbers.data(), owners.data(),
                 interior.data(), contact.data(), ones.data(), ones.data(), dear.data(), forces.data(), loads.data(),
-                nullptr, given.data(), unknown.data(), given.data(), missed.data(), start.data(), pairs.data(),
-                place.data()};
+                nullptr, outer.data(), given.data(), unknown.data(), given.data(), missed.data(), start.data(),
+                pairs.data(), place.data()};
     }
 };
 
@@ -609,7 +610,7 @@ void settle_simplices(int dim, int n) {
         Pool::set_threads(threads);
         const Stars stars(dim, nodes, mesh.cells, mesh.points);
         check(stars.facets == mesh.body().facets, "a facet is missing");
-        std::vector<double> moments(stars.given.size()), shared(moments.size(), 0.0), defect(stars.size), lost(stars.size);
+        std::vector<double> moments(stars.facets * dim * dim), shared(moments.size(), 0.0), defect(stars.size), lost(stars.size);
         check(settle_stars(stars.body(), moments.data(), defect.data(), lost.data()) == -1, "cells are said to be apart");
         share_on_contact(stars.body(), nodes, stars.every.data(), shared.data());
         for (int64_t k = 0; k < stars.size; ++k) {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -52,6 +53,15 @@ def survey_cube(n: int = 12) -> DiscreteProblem:
 
 def energy_norm(problem: DiscreteProblem, v: np.ndarray) -> float:
     return float(np.sqrt(v @ (problem.stiffness @ v)))
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no compiler here")
+def test_what_runs_them_under_sanitizers_fits_their_headers() -> None:
+    here = Path(__file__).parent
+    headers = here.parents[1] / "src" / "hemivar" / "kernels"
+    call = ["g++", "-std=c++17", "-fsyntax-only", f"-I{headers}", str(here / "driver.cpp")]
+    compiler = subprocess.run(call, capture_output=True, text=True)
+    assert compiler.returncode == 0, compiler.stderr
 
 
 def test_the_environment_says_how_many_threads_and_whether_at_all(
