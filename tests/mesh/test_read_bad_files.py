@@ -332,6 +332,16 @@ def test_included_files_are_looked_for_beside_the_one_that_includes_them(suffix:
         read_mesh(first)
 
 
+def test_included_files_that_go_too_deep_or_too_often_are_refused(tmp_path: Path) -> None:
+    """No circle, but 60 files in a row; and ten files that are each included twice by the one before."""
+    for count, times, says in ((60, 1, "more than 50 deep"), (11, 2, "more than 1000 times")):
+        for k in range(count):
+            (tmp_path / f"{k}.inp").write_text(times * f"*INCLUDE, INPUT={k + 1}.inp\n")
+        (tmp_path / f"{count}.inp").write_text(INP)
+        with pytest.raises(ProblemError, match=f"include one another {says}, at '.*'; write them as one file"):
+            read_mesh(tmp_path / "0.inp")
+
+
 def test_data_of_abaqus_stand_in_files_of_their_own(tmp_path: Path) -> None:
     """By INPUT of a keyword, or as lines that go on with it."""
     (tmp_path / "nodes.txt").write_text("** x and y\n1, 0., 0.\n2, 1., 0.\n")
