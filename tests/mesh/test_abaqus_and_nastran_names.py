@@ -87,6 +87,22 @@ def test_parts_are_put_where_their_instances_say(tmp_path: Path) -> None:
     assert set(mesh.regions) == {"All of it"}
 
 
+def test_instances_have_meshes_of_their_own(tmp_path: Path) -> None:
+    """As for independent instances: numbers and sets belong to each, and places are those of the instance."""
+    own = nodes([(0, 0), (1, 0), (1, 1), (0, 1)])
+    own += "*Element, type=CPE4, elset=All\n1, 1, 2, 3, 4\n*Nset, nset=Low\n1, 2\n*End Instance\n"
+    mesh = abaqus(
+        tmp_path,
+        "*Part, name=Block\n*End Part\n*Assembly, name=A\n*Instance, name=One, part=Block\n" + own
+        + "*Instance, name=Two, part=Block\n0., 3.\n" + own.replace("=All", "=Rest")
+        + "*Nset, nset=Right, instance=Two\n2, 3\n*End Assembly\n",
+    )  # fmt: skip
+    assert (mesh.parts.count, mesh.volumes.sum()) == (2, pytest.approx(2.0))
+    assert {name: length(mesh, name) for name in mesh.boundaries} == pytest.approx({"Low": 2.0, "Right": 1.0})
+    assert mesh.points[mesh.boundaries["Right"]].mean(axis=(0, 1)).tolist() == pytest.approx([1.0, 3.5])
+    assert {name: mesh.volumes[own].sum() for name, own in mesh.regions.items()} == {"All": 1.0, "Rest": 1.0}
+
+
 def test_sets_of_sets_and_generated_ones(tmp_path: Path) -> None:
     square = list(itertools.product(range(3), range(3)))
     cells = [(3 * i + j + 1, 3 * i + j + 4, 3 * i + j + 5, 3 * i + j + 2) for i in range(2) for j in range(2)]
@@ -129,6 +145,44 @@ def test_fields_of_nastran(grid: str, cell: str, tmp_path: Path) -> None:
     assert set(mesh.regions) == {"steel sheet"}
     assert {name: length(mesh, name) for name in mesh.boundaries} == {"8": 1.5}
     assert mesh.notes == ("elements CELAS1 belong to no body and were ignored",)
+
+
+#: A system turned by 90 degrees about z at (2, 1), in it one that is shifted along its x, and round ones at its origin.
+SYSTEMS = (
+    "CORD2R,7,5,1.,0.,0.,1.,0.,1.\n,2.,0.,0.\nCORD2R,5,,2.,1.,0.,2.,1.,3.\n,2.,9.,0.\n"
+    "CORD2C,8,5,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nCORD2S*,9,5,0.,0.\n*,0.,0.,0.,1.\n*,1.,0.,0.\n"
+    "CORD2R,6,8,1.,90.,0.,1.,90.,1.\n,2.,90.,0.\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("system", "places"),
+    [
+        (5, [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]),
+        (7, [(-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, 0.0, 1.0)]),
+        (8, [(0.0, 30.0, 0.0), (1.0, 0.0, 0.0), (1.0, 90.0, 0.0), (0.0, 0.0, 1.0)]),
+        (9, [(0.0, 30.0, 0.0), (1.0, 90.0, 0.0), (1.0, 90.0, 90.0), (1.0, 0.0, 50.0)]),
+        (6, [(-1.0, 0.0, 0.0), (-1.0, -1.0, 0.0), (0.0, 0.0, 0.0), (-1.0, 0.0, 1.0)]),
+    ],
+)
+@pytest.mark.parametrize("by_default", [False, True])
+def test_grid_points_of_nastran_lie_in_systems_of_their_own(
+    system: int, places: list, by_default: bool, tmp_path: Path
+) -> None:
+    """In each of them the same tetrahedron: its corner at (2, 1, 0), and edges along y, -x and z."""
+    path = tmp_path / "part.bdf"
+    rows = (
+        f"GRID,{n},{'' if by_default else system},{x},{y},{z},{'' if by_default else 5}\n"
+        for n, (x, y, z) in enumerate(places, start=1)
+    )
+    default = f"GRDSET,,{system},,,,5\n" if by_default else ""
+    path.write_text(f"BEGIN BULK\n{default}{''.join(rows)}{SYSTEMS}CTETRA,1,3,1,2,3,4\nENDDATA\n")
+    mesh = read_mesh(path)
+    wanted = [[2.0, 1.0, 0.0], [2.0, 2.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 1.0]]
+    np.testing.assert_allclose(mesh.points, wanted, atol=1e-14)
+    assert mesh.notes == (
+        "directions of displacements that grid points have of their own (CD) were ignored: they are x, y, z",
+    )
 
 
 def test_hexahedra_of_nastran_go_on_over_several_lines(tmp_path: Path) -> None:

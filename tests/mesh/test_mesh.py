@@ -10,6 +10,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hemivar.errors import ProblemError
 from hemivar.mesh import Mesh, read_mesh, rectangle
@@ -142,8 +143,69 @@ def test_moved() -> None:
     for turned_over_or_flat in ([[1, 0], [0, -1]], [[1, 1], [1, 1]], np.zeros((2, 2))):
         with pytest.raises(ProblemError, match="determinant"):
             mesh.moved(turned_over_or_flat)
-    with pytest.raises(ProblemError, match="plane meshes"):
+    with pytest.raises(ProblemError, match="this mesh is 3D and needs one"):
         cube().rotated(1.0)
+    with pytest.raises(ProblemError, match="this mesh is 2D and has none"):
+        mesh.rotated(1.0, (0.0, 0.0, 1.0))
+    for wrong in ((0.0, 0.0, 0.0), (1.0, 0.0), (math.inf, 0.0, 0.0), (math.nan, 0.0, 0.0)):
+        with pytest.raises(ProblemError, match="axis"):
+            cube().rotated(1.0, wrong)
+
+
+def test_turned_about_an_axis() -> None:
+    """By scipy's rotations; the length of the axis does not matter."""
+    for axis in ((0.0, 0.0, 1e-9), (1.0, 2.0, -2.0), (1e200, 0.0, 1e200)):
+        unit = np.array(axis) / np.abs(axis).max()
+        unit /= np.linalg.norm(unit)
+        turned = cube().rotated(0.7, axis)
+        np.testing.assert_allclose(
+            turned.points, Rotation.from_rotvec(0.7 * unit).apply(cube().points.copy()), atol=1e-15
+        )
+        assert turned.volumes.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("make", [lambda: rectangle((2, 1), (4, 2), "cross"), cube])
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_mirrored(make: Callable[[], Mesh], axis: str) -> None:
+    """Positively oriented cells, facets that point outwards, the same names; twice is as before."""
+    mesh = make().with_interfaces({"cut": lambda x: np.abs(x[:, 0] - 0.5) < 1e-9})
+    mesh = Mesh(mesh.points, mesh.cells, mesh.boundaries, {"part": [0, 3]}, interfaces=mesh.interfaces)
+    if axis == "z" and mesh.dim == 2:
+        with pytest.raises(ProblemError, match=r"cannot be mirrored in 'z'; give one of x, y$"):
+            mesh.mirrored(axis)
+        return
+    k = "xyz".index(axis)
+    sign = np.where(np.arange(mesh.dim) == k, -1.0, 1.0)
+    for one in (mesh, mesh.refined(2)):
+        other = one.mirrored(axis)
+        assert other.recipe is None
+        np.testing.assert_array_equal(other.points, sign * one.points)
+        np.testing.assert_array_equal(np.sort(other.cells, axis=1), np.sort(one.cells, axis=1))
+        # the constructor checks orientation, and that a mesh refines its parent
+        checked = Mesh(
+            other.points, other.cells, other.boundaries, other.regions, other.parent, interfaces=other.interfaces
+        )
+        for name, facets in one.boundaries.items():
+            normals, measures = checked.facet_normals(checked.boundaries[name])
+            there, wanted = checked.facet_normals(other.boundaries[name])
+            np.testing.assert_allclose(normals.sum(axis=0), there.sum(axis=0), atol=1e-12)
+            own = one.facet_normals(facets)
+            np.testing.assert_allclose(
+                np.sum(there * wanted[:, None], axis=0), sign * (own[0] * own[1][:, None]).sum(axis=0), atol=1e-12
+            )
+            assert measures.sum() == pytest.approx(own[1].sum())
+        assert set(other.interfaces) == {"cut"}
+        assert other.volumes[other.regions["part"]].sum() == pytest.approx(one.volumes[one.regions["part"]].sum())
+        np.testing.assert_array_equal(other.mirrored(axis).points, one.points)
+        np.testing.assert_array_equal(other.mirrored(axis).cells, one.cells)
+    assert other.parent.mesh.parent.mesh.number_of_cells == mesh.number_of_cells
+    assert mesh.refined_where([0, 3]).mirrored(axis).parent is None
+
+
+@pytest.mark.parametrize("wrong", ["w", "", "xy", 0, None])
+def test_what_is_no_coordinate_does_not_mirror(wrong: object) -> None:
+    with pytest.raises(ProblemError, match=r"cannot be mirrored in .*; give one of x, y"):
+        rectangle().mirrored(wrong)  # type: ignore[arg-type]
 
 
 def test_with_boundaries_checks_masks() -> None:

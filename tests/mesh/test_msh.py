@@ -34,15 +34,15 @@ MEASURES = {
 }
 
 
-def check_measures(mesh: Mesh, model: str, groups: bool = True) -> None:
+def check_measures(mesh: Mesh, model: str) -> None:
     boundaries, regions = MEASURES[model]
     assert mesh.volumes.min() > 0.0
     assert mesh.volumes.sum() == pytest.approx(regions["body" if model == "plane" else "ground"])
     assert mesh.facet_normals(mesh.boundary_facets)[1].sum() == pytest.approx(9.6 if model == "plane" else 6.0)
     found = {name: mesh.facet_normals(facets)[1].sum() for name, facets in mesh.boundaries.items()}
-    assert found == pytest.approx(boundaries if groups else {})
+    assert found == pytest.approx(boundaries)
     found = {name: mesh.volumes[cells].sum() for name, cells in mesh.regions.items()}
-    assert found == pytest.approx(regions if groups else {})
+    assert found == pytest.approx(regions)
 
 
 def contact_force(mesh: Mesh) -> float:
@@ -65,8 +65,8 @@ def test_committed_files_of_gmsh(path: Path) -> None:
     check_measures(read_mesh(path), path.stem.split("-")[0])
 
 
-#: Name of the model, dimension, what its groups hold, its files with their variants.
-Genuine = tuple[str, int, dict[tuple[int, str], set], dict[Path, tuple[str, bool, bool, bool]]]
+#: Name of the model, dimension, what its groups and its entities hold, its files; and those that have no groups.
+Genuine = tuple[str, int, dict[tuple[int, str], set], dict[tuple[int, str], set], list[Path], list[Path]]
 
 
 @pytest.fixture(scope="module", params=sorted(MODELS))
@@ -83,23 +83,36 @@ def genuine(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
         for tag, places in zip(*_nodes(gmsh), strict=True):
             known[int(tag)] = tuple(places)
         inside: dict[tuple[int, str], set] = {}
+        elementary: dict[tuple[int, str], set] = {}
+
+        def hold(chosen: dict[tuple[int, str], set], of: int, entity: int, name: str) -> None:
+            for element in np.concatenate(gmsh.model.mesh.getElements(of, entity)[2]).reshape(-1, of + 1):
+                chosen.setdefault((of, name), set()).add(frozenset(known[int(node)] for node in element))
+
         for group_dim, group in gmsh.model.getPhysicalGroups():
             name = gmsh.model.getPhysicalName(group_dim, group) or str(group)
             for entity in gmsh.model.getEntitiesForPhysicalGroup(group_dim, group):
-                _, _, nodes = gmsh.model.mesh.getElements(group_dim, entity)
-                for element in np.concatenate(nodes).reshape(-1, group_dim + 1):
-                    inside.setdefault((group_dim, name), set()).add(frozenset(known[int(node)] for node in element))
-        files = {}
+                hold(inside, group_dim, entity, name)
+        for of in (dim - 1, dim):
+            for _, tag in gmsh.model.getEntities(of):
+                hold(elementary, of, tag, f"{('', 'curve', 'surface', 'volume')[of]} {tag}")
+        files, bare = [], []
         for parts in (False, True):
             if parts:
                 gmsh.model.mesh.partition(3)
             for variant in variants():
                 path = folder / file_name(request.param, *variant, parts)
                 write(gmsh, path, *variant)
-                files[path] = variant
+                # Gmsh itself leaves the groups out of format 2.2 with all elements
+                (bare if variant[0] == "2.2" and variant[2] else files).append(path)
+        gmsh.model.removePhysicalGroups()
+        for variant in (("2.2", False), ("4.0", False), ("4.1", True)):
+            path = folder / f"bare-{variant[0]}.msh"
+            write(gmsh, path, *variant, False, False)
+            bare.append(path)
     finally:
         gmsh.finalize()
-    return request.param, dim, inside, files
+    return request.param, dim, inside, elementary, files, bare
 
 
 def _nodes(gmsh: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -109,26 +122,40 @@ def _nodes(gmsh: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def test_all_variants_hold_what_gmsh_holds(genuine: Genuine) -> None:
     """Each facet and cell of each group, by its corners; text rounds coordinates to 16 digits."""
-    model, dim, inside, files = genuine
+    model, dim, inside, _, files, bare = genuine
     forces = []
-    for path, (version, _, all_of_them, _) in files.items():
+    for path in files:
         mesh = read_mesh(path)
-        groups = not (version == "2.2" and all_of_them)  # Gmsh itself writes no groups then
-        check_measures(mesh, model, groups)
-        if not groups:
-            continue
+        check_measures(mesh, model)
         assert set(mesh.boundaries) == {name for of, name in inside if of == dim - 1}
         assert set(mesh.regions) == {name for of, name in inside if of == dim}
-        for (of, name), wanted in inside.items():
-            nodes = mesh.boundaries[name] if of == dim - 1 else mesh.cells[mesh.regions[name]]
-            assert _corners(mesh.points[nodes]) == _corners(
-                np.array([list(map(list, one)) for one in wanted])[..., :dim]
-            )
+        _holds(mesh, inside)
         if len(forces) < 4 or "partitioned" in path.name:
             forces.append(contact_force(mesh))
-    assert len(files) == 40
+    assert len(files) + len(bare) == 43
     np.testing.assert_allclose(forces, forces[0], rtol=1e-8)
     assert forces[0] > 1e-3
+
+
+def test_entities_name_what_no_physical_group_names(genuine: Genuine) -> None:
+    """In all formats alike, partitioned or not: each entity with its elements, in Gmsh's own numbers."""
+    _, dim, _, elementary, _, bare = genuine
+    for path in bare:
+        mesh = read_mesh(path)
+        assert {*mesh.boundaries, *mesh.interfaces} == {name for of, name in elementary if of == dim - 1}
+        assert set(mesh.regions) == {name for of, name in elementary if of == dim}
+        assert len(mesh.interfaces) == 1
+        _holds(mesh, elementary)
+        assert len(mesh.notes) == 2
+        assert mesh.notes[0].startswith(f"no physical group names its {'curves' if dim == 2 else 'surfaces'}; ")
+
+
+def _holds(mesh: Mesh, groups: dict[tuple[int, str], set]) -> None:
+    facets = {**mesh.boundaries, **mesh.interfaces}
+    for (of, name), wanted in groups.items():
+        nodes = facets[name] if of == mesh.dim - 1 else mesh.cells[mesh.regions[name]]
+        places = np.array([list(map(list, one)) for one in wanted])[..., : mesh.dim]
+        assert _corners(mesh.points[nodes]) == _corners(places)
 
 
 def _corners(places: np.ndarray) -> set[frozenset]:
@@ -392,6 +419,27 @@ def test_random_damage_never_breaks_the_reader() -> None:
             for place in rng.integers(0, len(data), rng.integers(1, 4)):
                 damaged[place] = rng.integers(0, 256) if rng.random() < 0.5 else ord(rng.choice(list("0123456789-. e")))
             assert not message(bytes(damaged)).startswith("WRONG")
+
+
+def test_entities_stand_in_for_groups_of_one_dimension_alone(tmp_path: Path) -> None:
+    """Curves without groups beside surfaces with them; one surface alone needs no name."""
+    path = tmp_path / "part.msh"
+    for cells, regions, notes in (((1, 1, 1, 1), {"ground"}, 1), ((0, 0, 0, 0), set(), 1)):
+        path.write_bytes(old_text(NAMES, [0, 0], list(cells)))
+        mesh = read_mesh(path)
+        assert (set(mesh.boundaries), set(mesh.regions), len(mesh.notes)) == ({"curve 1"}, regions, notes)
+    rows = "".join(f"{n} {n} 0 0\n{n + 400} {n} 1 0\n" for n in range(1, 401))
+    cells = "".join(
+        f"{n} 1 2 0 {n} {n} {n + 1}\n{n + 400} 3 2 0 1 {n} {n + 1} {n + 401} {n + 400}\n" for n in range(1, 400)
+    )
+    path.write_text(
+        f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n800\n{rows}$EndNodes\n$Elements\n798\n{cells}$EndElements\n"
+    )
+    mesh = read_mesh(path)
+    assert (len(mesh.boundaries), mesh.notes[-1]) == (
+        0,
+        "its 399 curves are in no physical group, and too many for names",
+    )
 
 
 def test_an_element_of_several_groups_counts_once() -> None:

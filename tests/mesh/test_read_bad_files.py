@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import warnings
 from pathlib import Path
 
@@ -166,8 +167,12 @@ CASES = [
     ("inp", "high\n3, 4\n", "high\n3, 4, top\n", "'high' refers to the set 'top', which is not there"),
     ("inp", "NSET=high\n3, 4", "NSET=high, GENERATE\n3", "a generated set has the line '3'; give first, last and step"),
     ("inp", "*SURFACE", "*NGEN\n1, 4\n*SURFACE", r"nodes or elements by \*NGEN, which is not read"),
-    ("inp", "*SURFACE", "*INCLUDE, INPUT=none.inp\n*SURFACE", "none.inp"),
-    ("inp", "*SURFACE", "*INCLUDE, INPUT=part.inp\n*SURFACE", "include one another more than 8 deep"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=none.inp\n*SURFACE", "'part.inp' includes 'none.inp', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=\n*SURFACE", "'part.inp' includes '', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE\n*SURFACE", "'part.inp' includes '', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=" + 300 * "a" + "\n*SURFACE", "aaa', which is not there"),
+    ("inp", "*NODE, NSET=all", "*NODE, INPUT=none.txt", "'part.inp' includes 'none.txt', which is not there"),
+    ("inp", "*SURFACE", "*INCLUDE, INPUT=part.inp\n*SURFACE", "'part.inp' includes 'part.inp', which includes it"),
     ("inp", "*ELEMENT, TYPE=CPE4, ELSET=body\n1, 1, 2, 3, 4\n", "", r"it holds no \*ELEMENT"),
     ("inp", INP, "nothing here", "it holds no keyword of Abaqus"),
     ("inp", "*SURFACE", "*INSTANCE, NAME=a, PART=b\n*END INSTANCE\n*SURFACE", "instance 'A' is of part 'B'"),
@@ -175,7 +180,12 @@ CASES = [
     ("bdf", "CQUAD4,1,7,1,2,3,4", "CQUAD4,1,7,1,2,3,8", "refers to node 8, which is not in the file"),
     ("bdf", "CQUAD4,1,7,1,2,3,4", "CTRIAX6,1,7,1,2,3", "cells of type CTRIAX6, which are not read"),
     ("bdf", "CQUAD4,1,7,1,2,3,4", "CHACAB,1,7,1,2,3", "cells of type CHACAB, which are not read"),
-    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.", "node 2 lies in coordinate system 3; save the mesh in the basic"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.", "node 2 lies in coordinate system 3, which no CORD2R, CORD2C or"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.\nCORD2R,3,,0,0,0,0,0,1\n,0,0,2", "system 3 lie on a line"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.\nCORD2R,3,7,0,0,0,0,0,1\n,1,0,0", "3 is stated in system 7"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.\nCORD2R,3,3,0,0,0,0,0,1\n,1,0,0", "one another in a circle"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,3,1.,0.,0.\nCORD2R,3,,a,0,0,0,0,1\n,1,0,0", "'a' is not a number .CORD2R"),
+    ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,x,1.,0.,0.", "'x' is not a whole number .coordinate system of a GRID"),
     ("bdf", "GRID,2,,1.,0.,0.", "GRID,2,,one,0.,0.", r"'one' is not a number \(GRID\)"),
     ("bdf", "GRID,2,,1.,0.,0.", "GRID,two,,1.,0.,0.", r"'two' is not a whole number \(number of a GRID\)"),
     ("bdf", "GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.5", r"a surface in 3D \(z from 0 to 0.5\)"),
@@ -210,13 +220,14 @@ CASES = [
     ("unv", "0         1\nlow", "0        40\nlow", "a group of dataset 2467 says 40 members"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nTrianglesP2\n0\nEnd\n", "cells of type TrianglesP2"),
     ("mesh", None, "MeshVersionFormatted 2\nDimension 2\nSpheres\n0\nEnd\n", "format medit .Unknown keyword 'Spheres'"),
-    ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "none.bdf"),
-    ("bdf", "CQUAD4", "include part.bdf\nCQUAD4", "include one another more than 8 deep"),
+    ("bdf", "CQUAD4", "INCLUDE 'none.bdf'\nCQUAD4", "'part.bdf' includes 'none.bdf', which is not there"),
+    ("bdf", "CQUAD4", "include part.bdf\nCQUAD4", "'part.bdf' includes 'part.bdf', which includes it"),
     ("tec", None, TECPLOT[:60], "format tecplot: it is cut off, damaged or of another kind"),
     ("wkt", None, "TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)), ((1 0 0, 1 1 0, 0 1", "it is not a TIN of triangles"),
     ("mdpa", None, "Begin Nodes\n 1 0.0 0.0 0.0\n", "format mdpa: it is cut off, damaged or of another kind"),
     ("msh", None, '(0 "x")(2 3)(10 (0 1 3 0 3))(10 (1 1 3 1 3)(0 0', "format ansys: it is cut off"),
-    ("msh", None, "$ a comment of another program\nGRID,1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),
+    ("msh", None, "$ a comment of another program\n1,,0.,0.,0.\n", r"does not begin like a Gmsh file"),
+    ("bdf", None, "$ only a comment\nCTRIA3,1,7,1,2,3\n", "it holds no GRID"),
     ("msh", None, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", r"it has no section \$Nodes"),
 ]  # fmt: skip
 
@@ -297,14 +308,84 @@ def test_a_deck_of_nastran_holds_what_it_includes(tmp_path: Path) -> None:
     assert read_mesh(deck).number_of_cells == 1
 
 
+@pytest.mark.parametrize("suffix", ["inp", "bdf"])
+def test_included_files_are_looked_for_beside_the_one_that_includes_them(suffix: str, tmp_path: Path) -> None:
+    """Two deep in a folder; one name counts from the folder of the first file. Circles of three are named."""
+    word = "*INCLUDE, INPUT={}\n" if suffix == "inp" else "INCLUDE '{}'\n"
+    nodes, cells = (
+        ("*NODE\n1, 0., 0.\n2, 1., 0.\n3, 0., 1.\n", "*ELEMENT, TYPE=CPS3\n1, 1, 2, 3\n")
+        if suffix == "inp"
+        else ("GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\n", "CTRIA3,1,7,1,2,3\n")
+    )
+    (tmp_path / "sub" / "more").mkdir(parents=True)
+    first = tmp_path / f"part.{suffix}"
+    first.write_text(word.format("sub/a.inc"))
+    (tmp_path / "sub" / "a.inc").write_text(word.format("more\\b.inc") + word.format("last.inc"))
+    (tmp_path / "sub" / "more" / "b.inc").write_text(nodes)
+    (tmp_path / "last.inc").write_text(cells)
+    assert read_mesh(first).volumes.sum() == pytest.approx(0.5)
+    (tmp_path / "last.inc").write_text(cells + word.format("sub/a.inc"))
+    with pytest.raises(ProblemError, match=r"'last.inc' includes 'sub/a.inc', which includes it; remove the circle"):
+        read_mesh(first)
+    (tmp_path / "last.inc").write_text(cells + word.format("gone.inc"))
+    with pytest.raises(ProblemError, match=r"'last.inc' includes 'gone.inc', which is not there; put that file beside"):
+        read_mesh(first)
+
+
+def test_included_files_that_go_too_deep_or_too_often_are_refused(tmp_path: Path) -> None:
+    """No circle, but 60 files in a row; and ten files that are each included twice by the one before."""
+    for count, times, says in ((60, 1, "more than 50 deep"), (11, 2, "more than 1000 times")):
+        for k in range(count):
+            (tmp_path / f"{k}.inp").write_text(times * f"*INCLUDE, INPUT={k + 1}.inp\n")
+        (tmp_path / f"{count}.inp").write_text(INP)
+        with pytest.raises(ProblemError, match=f"include one another {says}, at '.*'; write them as one file"):
+            read_mesh(tmp_path / "0.inp")
+
+
+def test_data_of_abaqus_stand_in_files_of_their_own(tmp_path: Path) -> None:
+    """By INPUT of a keyword, or as lines that go on with it."""
+    (tmp_path / "nodes.txt").write_text("** x and y\n1, 0., 0.\n2, 1., 0.\n")
+    (tmp_path / "more.txt").write_text("3, 1., 1.\n4, 0., 1.\n")
+    (tmp_path / "cells.txt").write_text("1, 1, 2, 3, 4\n")
+    path = tmp_path / "part.inp"
+    path.write_text(
+        "*NODE, INPUT=nodes.txt\n*NODE, NSET=top\n*include, input=more.txt\n"
+        "*ELEMENT, TYPE=CPS4, INPUT=cells.txt, ELSET=plate\n"
+    )
+    mesh = read_mesh(path)
+    assert (mesh.volumes.sum(), set(mesh.boundaries), set(mesh.regions)) == (pytest.approx(1.0), {"top"}, {"plate"})
+
+
 @pytest.mark.parametrize(
-    ("name", "text"),
-    [("all.msh", TEXTS["inp"]), ("all.txt", TEXTS["bdf"]), ("all.grid", TEXTS["su2"]), ("all.mesh", TEXTS["vol"]),
-     ("all", TECPLOT), ("all.dat", TEXTS["vtk"])],
+    ("name", "text", "note"),
+    [("all.msh", "inp", "its suffix '.msh' stands for Gmsh, but it holds Abaqus and was read so"),
+     ("all.txt", "bdf", ""),
+     ("all.inp", "unv", "its suffix '.inp' stands for Abaqus, but it holds I-DEAS and was read so"),
+     ("all.msh", "bdf", "its suffix '.msh' stands for Gmsh, but it holds Nastran and was read so"),
+     ("all.su2", "vol", "its suffix '.su2' stands for SU2, but it holds Netgen and was read so"),
+     ("all.vol", "su2", "its suffix '.vol' stands for Netgen, but it holds SU2 and was read so"),
+     ("all.inp", "vtk", "its suffix '.inp' stands for Abaqus, but it holds VTK and was read so"),
+     ("all.bdf", "inp", "its suffix '.bdf' stands for Nastran, but it holds Abaqus and was read so"),
+     ("all.e", "msh", "its suffix '.e' stands for Exodus, but it holds Gmsh and was read so"),
+     ("all.grid", "su2", ""), ("all", "tec", ""), ("all.dat", "vtk", ""),
+     ("all.dat", "inp", ""), ("all.frd", "unv", "")],
 )  # fmt: skip
-def test_a_file_is_known_by_what_it_holds(name: str, text: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_text(text)
-    assert read_mesh(tmp_path / name).number_of_cells
+def test_a_file_is_known_by_what_it_holds(name: str, text: str, note: str, tmp_path: Path) -> None:
+    """A byte order mark before it does not matter; a suffix that stands for another format is told."""
+    others = {"tec": TECPLOT, "msh": (FILES.parent / "gmsh" / "plane-2.2-text.msh").read_text()}
+    for mark in ("", "\ufeff") if text in ("inp", "bdf", "unv", "vol", "msh") else ("",):
+        (tmp_path / name).write_text(mark + {**TEXTS, **others}[text], encoding="utf-8")
+        mesh = read_mesh(tmp_path / name)
+        assert mesh.number_of_cells
+        assert [one for one in mesh.notes if "suffix" in one] == ([note] if note else [])
+
+
+def test_med_without_h5py_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    for name in ("part.mmed", "part.med", "part.e", "part"):
+        (tmp_path / name).write_bytes((FILES / "gmsh-plane.med").read_bytes())
+        with pytest.raises(ProblemError, match="its format is read with the package h5py; pip install h5py"):
+            read_mesh(tmp_path / name)
 
 
 def test_arrays_that_were_never_written_are_not_made(tmp_path: Path) -> None:

@@ -110,7 +110,8 @@ def _recipe(table: TomlTable, folder: Path, order: int | None) -> MeshRecipe:
         source = _file(table, folder) if sources[0] == "file" else _grid(table, sources[0])
     recipe = decode(MeshRecipe, table, part="mesh", boundaries=_markings, opened=_openings)
     read_for = 1 if isinstance(source, Path) and order == 1 else None
-    return MeshRecipe(source, **(recipe | {"shift": tuple(recipe.get("shift", ()))}), order=read_for)
+    recipe |= {key: tuple(recipe[key]) for key in ("axis", "shift") if key in recipe}
+    return MeshRecipe(source, **recipe, order=read_for)
 
 
 def _markings(table: TomlTable) -> tuple[Marking, ...]:
@@ -138,7 +139,7 @@ def _of_mesh(recipe: MeshRecipe) -> str:
     """The key to which an error in placing or opening a mesh belongs."""
     given = [
         key
-        for key in ("opened", "boundaries", "shift", "turn", "scale")
+        for key in ("opened", "boundaries", "shift", "axis", "turn", "mirror", "scale")
         if getattr(recipe, key) != getattr(_PLAIN, key)
     ]
     return given[0] if given else ", ".join(recipe.source.parts) if isinstance(recipe.source, Assembly) else "cells"

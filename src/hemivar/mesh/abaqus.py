@@ -46,6 +46,9 @@ _FACES = {
 _FACET = {2: "line", 3: "triangle", 4: "quad"}
 #: How it begins, after comments: with a keyword; one of LS-DYNA is none.
 _BEGIN = re.compile(rb"(?:\s*\*\*[^\n]*\n)*\s*\*(?!KEYWORD)[A-Z]", re.IGNORECASE)
+#: A file that stands in the place of a line, and keywords whose data may stand in a file.
+_INCLUDE = re.compile(r"^[ \t]*\*INCLUDE\b(?:\s*,\s*INPUT[ \t]*=)?([^\n,]*)[^\n]*$", re.MULTILINE | re.IGNORECASE)
+_WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET")
 _GENERATED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
 
 
@@ -54,13 +57,13 @@ def is_abaqus(start: bytes) -> bool:
     return _BEGIN.match(start) is not None
 
 
-def parse_abaqus(text: str, folder: Path) -> RawMesh:
-    """The mesh in the text of an input file; files that it includes are looked for in a folder.
+def parse_abaqus(text: str, path: Path) -> RawMesh:
+    """The mesh in the text of an input file of this name, and of the files that it includes.
 
     Element sets and surfaces are groups; node sets are groups of nodes.
     """
     reader = _Reader()
-    for key, values, data in _keywords(text, Included(folder), 0):
+    for key, values, data in _keywords(Included(path, text)):
         reader.take(key, values, data)
     return reader.mesh()
 
@@ -127,6 +130,7 @@ class _Reader:
         elif key == "INSTANCE":
             name = values.get("NAME", "").upper()
             self.instances[name] = _Instance(values.get("PART", "").upper(), rows)
+            self.scope = name  # an instance may hold a mesh of its own
         elif key in ("NODE", "ELEMENT") and self.scope not in self.parts:
             self.parts[self.scope] = _Part()
         if key in _GENERATED:
@@ -341,9 +345,9 @@ def _kind(name: str) -> ElementKind:
 # ---- keywords ----------------------------------------------------------------------------------------------------
 
 
-def _keywords(text: str, included: Included, depth: int) -> list[tuple[str, dict[str, str], list[str]]]:
+def _keywords(file: Included) -> list[tuple[str, dict[str, str], list[str]]]:
     """Keywords, parameters and data lines, those of included files among them."""
-    lines = [line for line in text.splitlines() if not line.startswith("**")]
+    lines = _lines(file.whole(_INCLUDE))
     starts = [number for number, line in enumerate(lines) if line.lstrip().startswith("*")]
     if not starts:
         raise ProblemError("it holds no keyword of Abaqus (*NODE, *ELEMENT); check what kind of file it is")
@@ -356,8 +360,10 @@ def _keywords(text: str, included: Included, depth: int) -> list[tuple[str, dict
         pairs = (word.partition("=") for word in words if word)
         values = {name.strip().upper(): value.strip() for name, _, value in pairs}
         name = " ".join(key.lstrip("*").upper().split())
-        if name == "INCLUDE":
-            keywords += _keywords(included.text(values.get("INPUT", "").strip('"'), depth), included, depth + 1)
-        else:
-            keywords.append((name, values, lines[at:end]))
+        more = _lines(file.opened(values["INPUT"]).text) if name in _WITH_INPUT and "INPUT" in values else []
+        keywords.append((name, values, lines[at:end] + more))
     return keywords
+
+
+def _lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if not line.startswith("**")]

@@ -15,8 +15,10 @@ from hemivar.basics.disk import first_bytes, read_bytes, shown
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray, IntArray
 from hemivar.errors import ProblemError
+from hemivar.mesh.exodus import is_classic_netcdf
+from hemivar.mesh.hdf5 import HDF5, format_of_hdf5, refuse_unwritten
 from hemivar.mesh.kinds import CODES, KINDS, unknown_kind
-from hemivar.mesh.raw import RawMesh
+from hemivar.mesh.raw import MOST_GROUPS, RawMesh
 from hemivar.mesh.tetgen import tetgen_faces
 from hemivar.mesh.vtk_grid import is_unstructured_vtk, parse_vtk
 from hemivar.mesh.vtu_grid import CellGrid, read_vtu
@@ -37,8 +39,6 @@ _NO_TAGS = ("gmsh:geometrical", "gmsh:bounding_entities", "vtkGhostType")
 _CURVED = re.compile(
     rb"^\s*((?:Edges|Triangles|Quadrilaterals|Tetrahedra|Hexahedra|Prisms|Pyramids)[PQ]\d)\s", re.MULTILINE
 )
-#: How files of HDF5 begin; formats of it beside MED, by their suffixes; how much an array is packed at most.
-_HDF5, _OF_HDF5, _PACKED = b"\x89HDF\r\n\x1a\n", (".cgns", ".h5m", ".hmf", ".e", ".exo", ".ex2"), 1100.0
 #: How files of other formats begin.
 _SIGNS = {
     "vtu": re.compile(rb"<VTKFile[^>]*type\s*=\s*[\"']UnstructuredGrid"),
@@ -52,15 +52,17 @@ _AROUND = re.compile(rb" ?([(),]) ?")
 _TIN = re.compile(rb"TIN ?Z?\(\(\(n n n(?:,n n n){3}\)\)(?:,\(\(n n n(?:,n n n){3}\)\))*\)")
 #: What to do about a file that cannot be read.
 _SAVE = "save it as Gmsh 2.2 or 4.1, Abaqus, Nastran or VTU"
-#: An array of more numbers than these counts cells rather than groups.
-_MOST_GROUPS = 256
 
 
 def format_of(path: Path, start: bytes) -> str:
     """The format of a file that begins so; empty where only its name tells."""
-    if start.startswith(_HDF5):
-        return "" if path.suffix.lower() in _OF_HDF5 else "med"
-    return next((name for name, sign in _SIGNS.items() if sign.search(start)), "")
+    if start.startswith(HDF5):
+        return format_of_hdf5(path)
+    return (
+        "exodus"
+        if is_classic_netcdf(start)
+        else next((name for name, sign in _SIGNS.items() if sign.search(start)), "")
+    )
 
 
 def read_by_meshio(path: Path, formats: Sequence[str] = ()) -> RawMesh:
@@ -74,9 +76,9 @@ def read_by_meshio(path: Path, formats: Sequence[str] = ()) -> RawMesh:
             _add(raw, (KINDS[CODES[grid.cells[number].type]].dim, name), places[number], rows)
     raw.at_nodes.update(_node_sets(grid))
     raw.notes.extend(
-        f"array '{name}' numbers more than {_MOST_GROUPS} groups; it was ignored"
+        f"array '{name}' numbers more than {MOST_GROUPS} groups; it was ignored"
         for name, values in grid.cell_data.items()
-        if _numbers_groups(name, values) and _count(values) > _MOST_GROUPS
+        if _numbers_groups(name, values) and _count(values) > MOST_GROUPS
     )
     if path.suffix.lower() in (".ele", ".node"):
         tetgen_faces(path, raw)
@@ -89,8 +91,8 @@ def _read(path: Path, formats: Sequence[str]) -> meshio.Mesh | CellGrid:
     start = first_bytes(path, 1024, "mesh file")
     if formats[0] == "vtk" and is_unstructured_vtk(start):
         return parse_vtk(read_bytes(path, "mesh file", path.stat().st_size))
-    if start.startswith(_HDF5):
-        _refuse_unwritten(path)
+    if start.startswith(HDF5):
+        refuse_unwritten(path)
     if formats[0] == "wkt":  # its reader tries for ever to match what is no such text
         shape = _NUMBER.sub(b"n", read_bytes(path, "mesh file", path.stat().st_size).strip())
         if not _TIN.fullmatch(_AROUND.sub(rb"\1", b" ".join(shape.split()))):
@@ -115,25 +117,6 @@ def _by_suffix(path: Path) -> list[str]:
         )
         raise ProblemError(f"cannot be read as a mesh: {what}; {_SAVE}")
     return formats
-
-
-def _refuse_unwritten(path: Path) -> None:
-    """Refuse arrays of HDF5 that are larger than what is stored of them can be."""
-    try:
-        with IMPORTS:
-            import h5py  # type: ignore[import-untyped]
-    except ModuleNotFoundError:  # it is said below that it is missing
-        return
-
-    def look(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset) and item.nbytes > _PACKED * (item.id.get_storage_size() + 4096):
-            raise ProblemError(
-                f"the array '{shown(name)}' is said to hold {item.nbytes / 2**20:.0f} MiB, and most of it was never "
-                "written; save it again"
-            )
-
-    with contextlib.suppress(OSError), h5py.File(path, "r") as file:
-        file.visititems(look)
 
 
 def _elements(grid: meshio.Mesh | CellGrid) -> tuple[RawMesh, list[int]]:
@@ -194,7 +177,7 @@ def _sets(grid: meshio.Mesh | CellGrid) -> Iterator[tuple[str, _Members]]:
         named.add(name)
         yield name, parts
     for name, values in grid.cell_data.items():
-        if _numbers_groups(name, values) and _count(values) <= _MOST_GROUPS:
+        if _numbers_groups(name, values) and _count(values) <= MOST_GROUPS:
             for number, tags in enumerate(values):
                 for tag in np.unique(tags).tolist():
                     dim = KINDS[CODES[grid.cells[number].type]].dim

@@ -378,15 +378,65 @@ class Mesh(PickleMixin):
         """
         return refined_where(self, cells)
 
-    def rotated(self, angle: float) -> Mesh:
-        """The mesh turned counterclockwise by ``angle`` (radians) about the origin; 2D only."""
-        if self.dim != 2:
-            raise ProblemError("rotated(angle) turns plane meshes only; use moved(matrix) in 3D")
+    def rotated(self, angle: float, axis: ArrayLike | None = None) -> Mesh:
+        """The mesh turned by ``angle`` (radians) about the origin, counterclockwise; in space about an axis through it.
+
+        Parameters
+        ----------
+        angle : float
+        axis : array, shape (3,)
+            Direction of the axis, in 3D only; seen against it the mesh turns counterclockwise.
+
+        Raises
+        ------
+        ProblemError
+            If the angle is not finite, or a solid has no axis, a plane mesh one.
+        """
         turn = number(angle, "the angle")
         if math.isinf(turn):
             raise ProblemError(f"the angle is {turn}; give a finite number of radians")
+        if (axis is None) != (self.dim == 2):
+            how = "has none: leave it out" if self.dim == 2 else "needs one, such as (0, 0, 1)"
+            raise ProblemError(f"a mesh in 3D is turned about an axis; this mesh is {self.dim}D and {how}")
         c, s = math.cos(turn), math.sin(turn)
-        return self.moved(np.array([[c, -s], [s, c]]))
+        if axis is None:
+            return self.moved(np.array([[c, -s], [s, c]]))
+        along = real_array(axis, "axis")
+        if along.shape != (3,) or not 0.0 < (size := float(np.abs(along).max())) < math.inf:
+            raise ProblemError("axis must be a direction; give three numbers that are not all 0, such as (0, 0, 1)")
+        k = along / size / np.linalg.norm(along / size)
+        across = np.cross(np.eye(3), k)  # across @ x is k times x
+        return self.moved(c * np.eye(3) + s * across + (1.0 - c) * np.outer(k, k))
+
+    def mirrored(self, axis: str) -> Mesh:
+        """The mesh with the sign of one coordinate changed: ``"x"``, ``"y"`` or ``"z"``.
+
+        Cells stay positively oriented. Meshes that it was refined from are mirrored with it where all cells were cut.
+
+        Raises
+        ------
+        ProblemError
+            If the mesh has no such coordinate.
+        """
+        names = "xyz"[: self.dim]
+        if not isinstance(axis, str) or len(axis) != 1 or axis not in names:
+            raise ProblemError(f"the mesh cannot be mirrored in {quoted(axis)}; give one of {', '.join(names)}")
+        points = self.points.copy()
+        points[:, names.index(axis)] *= -1.0
+        points += 0.0  # no zero has a sign
+        turned = [1, 0, *range(2, self.dim + 1)]
+        facets = [
+            {name: own[:, turned[: self.dim]] for name, own in group.items()}
+            for group in (self.boundaries, self.interfaces)
+        ]
+        parent = self.parent
+        if parent is not None:
+            # Children of cells that were cut one by one lie in an order that depends on that of their nodes.
+            whole = (np.bincount(parent.cells, minlength=parent.mesh.number_of_cells) == 2**self.dim).all()
+            parent = replace(parent, mesh=parent.mesh.mirrored(axis)) if whole else None
+        return Mesh.trusted(
+            points, self.cells[:, turned], facets[0], self.regions, parent, None, facets[1], self.reading
+        )
 
     def scaled(self, factor: float) -> Mesh:
         """The mesh with all coordinates multiplied by ``factor > 0``."""

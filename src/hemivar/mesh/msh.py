@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from hemivar.mesh.msh_numbers import (
     parameters,
     runs,
 )
-from hemivar.mesh.raw import Block, RawMesh, put_together
+from hemivar.mesh.raw import MOST_GROUPS, Block, RawMesh, put_together
 
 __all__ = ["is_msh", "parse_msh"]
 
@@ -47,6 +48,8 @@ _EDGES = {
         (0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 7), (5, 6), (6, 7),
     ),
 }  # fmt: skip
+#: What entities of a dimension are called.
+_ENTITIES = ("point", "curve", "surface", "volume")
 #: Versions of the format, as files state them.
 _OLD, _FOUR, _NEW = ("2", "2.0", "2.1", "2.2"), ("4", "4.0"), ("4.1",)
 _BEGINS = re.compile(rb"\$(MeshFormat|Comments|PhysicalNames|Entities|Nodes|ParametricNodes|Elements|NOD)\s*[\r\n]")
@@ -75,6 +78,7 @@ class _Reader:
         self.word = 8  # bytes of a size
         self.names: dict[tuple[int, int], str] = {}
         self.entities: dict[tuple[int, int], list[int]] | None = None
+        self.whole: dict[tuple[int, int], int] = {}  # the entity of which one is a partition
         self.ids: list[IntArray] = []
         self.points: list[Array] = []
         self.blocks: list[Block] = []
@@ -120,7 +124,31 @@ class _Reader:
             raise ProblemError("it has no section $Elements; mesh the geometry before it is saved")
         points = np.concatenate([*self.points, np.zeros((0, 3))]).astype(np.float64)
         ids = np.concatenate([*self.ids, np.zeros(0, dtype=np.int64)])
-        return put_together(ids, points, self.blocks, self.names, repeated=self.version in _OLD)
+        notes = self._name_by_entities()
+        raw = put_together(ids, points, self.blocks, self.names, repeated=self.version in _OLD)
+        raw.notes.extend(notes)
+        return raw
+
+    def _name_by_entities(self) -> list[str]:
+        """Give facets and cells to groups of their entities where no physical group holds any; what is said of that."""
+        notes, top = [], max((block.kind.dim for block in self.blocks), default=0)
+        for dim in range(max(top - 1, 1), top + 1):
+            own = [block for block in self.blocks if block.kind.dim == dim and len(block.nodes)]
+            entities = [np.zeros(0, np.int64) if block.entities is None else block.entities for block in own]
+            tags = [int(tag) for tag in sorted({*np.unique(np.concatenate([*entities, [0]]))}) if tag > 0]
+            if any(np.any(block.groups) for block in own) or len(tags) <= (dim == top):  # one body needs no name
+                continue
+            word = _ENTITIES[dim]
+            if len(tags) > MOST_GROUPS:
+                notes.append(f"its {len(tags)} {word}s are in no physical group, and too many for names")
+                continue
+            called = f"'{word} {tags[0]}'" + (f" to '{word} {tags[-1]}'" if len(tags) > 1 else "")
+            notes.append(f"no physical group names its {word}s; they are called by their numbers, {called}")
+            self.names |= {(dim, tag): f"{word} {tag}" for tag in tags}
+            others = [block for block in self.blocks if block.kind.dim != dim]
+            of = zip(own, entities, strict=True)
+            self.blocks = others + [replace(block, groups=np.maximum(tag, 0)) for block, tag in of]
+        return notes
 
     # ---- sections ---------------------------------------------------------------------------------------------
 
@@ -256,7 +284,8 @@ class _Reader:
             for _ in range(count):
                 tag = words.integers(1)[0]
                 if partitioned:
-                    words.integers(2)
+                    parent, of = words.integers(2)
+                    self.whole[dim, tag] = of if parent == dim else 0
                     words.integers(words.size())
                 words.floats(3 if dim == 0 and self.version in _NEW else 6)
                 groups = [abs(group) for group in words.integers(words.size()) if group]
@@ -344,7 +373,8 @@ class _Reader:
                     f"$Elements refers to entity {tag} of dimension {dim}, which $Entities does not hold; save it again"
                 )
             groups = self.entities[dim, tag]
-        self.blocks.append(Block(what, _ordered(what, nodes), groups))
+        entities = np.full(len(nodes), self.whole.get((dim, tag), tag))
+        self.blocks.append(Block(what, _ordered(what, nodes), groups, entities))
 
     def _old_binary(self, name: str, source: Bytes) -> None:
         line, source.offset = self._line(source.offset)

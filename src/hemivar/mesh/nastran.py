@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import shown
-from hemivar.basics.types import AnyArray
+from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.kinds import CODES, KINDS, unknown_kind
+from hemivar.mesh.nastran_systems import KINDS_OF_SYSTEMS, in_basic_system
 from hemivar.mesh.raw import Block, RawMesh, put_together
 from hemivar.mesh.texts import Included, floats, whole
 
@@ -43,7 +43,7 @@ _CARD = re.compile(rb"^(?:GRID[\s*,]|BEGIN\s+BULK|SOL\s|CEND\b|INCLUDE\s*['\"])"
 _INCLUDE = re.compile(
     r"""^[ \t]*INCLUDE[ \t]*(?:'([^']*)'|"([^"]*)"|([^\s'"][^\n$]*))[^\n]*$""", re.MULTILINE | re.IGNORECASE
 )
-_ENDDATA = re.compile(r"^[ \t]*ENDDATA.*\Z", re.MULTILINE | re.IGNORECASE | re.DOTALL)
+_ENDDATA = r"(?im)^[ \t]*ENDDATA"
 
 
 def is_nastran(start: bytes) -> bool:
@@ -51,44 +51,57 @@ def is_nastran(start: bytes) -> bool:
     return _CARD.search(start) is not None
 
 
-def parse_nastran(text: str, folder: Path) -> RawMesh:
-    """The mesh in the text of a deck; properties are groups, files that it includes are looked for in a folder."""
-    text = _whole_deck(text, Included(folder), 0)
+def parse_nastran(text: str, path: Path) -> RawMesh:
+    """The mesh in the text of a deck of this name, and of the files that it includes; properties are groups."""
+    text = Included(path, text).whole(_INCLUDE, _ENDDATA)
     names = {}
     for match in _NAMES.finditer(text):
         number, name = (one for one in match.groups() if one is not None)
         names[int(number)] = name.strip()
-    ids, points, blocks, others = [], [], list[Block](), set[str]()
-    for card, fields in _cards(text):
-        if card == "GRID":
-            rows = np.hstack([fields, np.full((len(fields), 4), "")])[:, :5]
-            placed = ~np.isin(rows[:, 1], ("", "0"))
-            if placed.any():
-                node, system = (shown(word) for word in rows[placed][0, :2])
-                raise ProblemError(f"node {node} lies in coordinate system {system}; save the mesh in the basic system")
-            ids.append(whole(rows[:, 0].tolist(), "number of a GRID"))
-            points.append(floats(np.where(rows[:, 2:] == "", "0", rows[:, 2:]).ravel().tolist(), "GRID").reshape(-1, 3))
-        elif card.startswith(_OTHERS):
+    cards = _cards(text)
+    ids, points, turned = _grid(cards)
+    blocks, others = list[Block](), set[str]()
+    for card, fields in cards:
+        if card.startswith(_OTHERS):
             others.add(card)
         elif card.startswith("C") and not card.startswith(_NO_ELEMENTS):
             _elements(card, fields, blocks)
-    if not ids:
-        raise ProblemError("it holds no GRID; save the bulk data of the mesh")
     groups = {(block.kind.dim, group) for block in blocks for group in np.unique(block.groups).tolist()}
     known = {(dim, group): names[group] for dim, group in groups if group in names}
-    raw = put_together(np.concatenate(ids), np.concatenate(points), blocks, known, repeated=False)
+    raw = put_together(ids, points, blocks, known, repeated=False)
+    if turned:
+        raw.notes.append(
+            "directions of displacements that grid points have of their own (CD) were ignored: they are x, y, z"
+        )
     raw.notes.extend(f"elements {card} belong to no body and were ignored" for card in sorted(others))
     return raw
 
 
-def _whole_deck(text: str, included: Included, depth: int) -> str:
-    """The deck up to its end, with the files that it includes in their places."""
+def _grid(cards: list[tuple[str, AnyArray]]) -> tuple[IntArray, Array, bool]:
+    """Numbers and places of the grid points, and whether any has directions of its own for displacements."""
+    own = [_columns(fields, 6) for card, fields in cards if card == "GRID"]
+    if not own:
+        raise ProblemError("it holds no GRID; save the bulk data of the mesh")
+    rows = np.vstack(own)
+    left_out = [_columns(fields, 6)[0] for card, fields in cards if card == "GRDSET"] or [np.full(6, "")]
+    ids = whole(rows[:, 0].tolist(), "number of a GRID")
+    systems, directions = (
+        whole(_filled(np.where(rows[:, k] == "", left_out[0][k], rows[:, k])), "coordinate system of a GRID")
+        for k in (1, 5)
+    )
+    points = floats(_filled(rows[:, 2:5]), "GRID").reshape(-1, 3)
+    stated = [(card, fields) for card, fields in cards if card in KINDS_OF_SYSTEMS]
+    return ids, in_basic_system(ids, systems, points, stated), bool((directions > 0).any())
 
-    def put(match: re.Match[str]) -> str:
-        name = re.sub(r"\s*\n\s*", "", next(group for group in match.groups() if group is not None)).strip()
-        return _whole_deck(included.text(name, depth), included, depth + 1)
 
-    return _INCLUDE.sub(put, _ENDDATA.sub("", text.replace("\r\n", "\n")))
+def _columns(fields: AnyArray, count: int) -> AnyArray:
+    return np.hstack([fields, np.full((len(fields), count), "")])[:, :count]
+
+
+def _filled(fields: AnyArray) -> list[str]:
+    """Fields one after the other, empty ones as zeros."""
+    words: list[str] = np.where(fields == "", "0", fields).ravel().tolist()
+    return words
 
 
 def _elements(card: str, fields: AnyArray, blocks: list[Block]) -> None:

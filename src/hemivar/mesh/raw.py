@@ -11,7 +11,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.kinds import CODES, ElementKind
 
-__all__ = ["Block", "RawMesh", "put_together"]
+__all__ = ["MOST_GROUPS", "Block", "RawMesh", "put_together"]
+
+#: What numbers more groups than these counts cells rather than groups.
+MOST_GROUPS = 256
 
 
 @dataclass(frozen=True, eq=False)

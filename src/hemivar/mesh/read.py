@@ -15,6 +15,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.mesh.abaqus import is_abaqus, parse_abaqus
 from hemivar.mesh.by_meshio import format_of, read_by_meshio
 from hemivar.mesh.checks import check_order
+from hemivar.mesh.exodus import parse_exodus
 from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
@@ -32,7 +33,21 @@ __all__ = ["read_mesh"]
 #: Bytes of memory for each byte of a file that is read, at least; of texts that are split into words; of fields.
 _FACTOR, _OF_WORDS, _OF_FIELDS = 6.0, 12.0, 28.0
 _NETGEN, _SU2 = re.compile(rb"\s*(?:#[^\n]*\n\s*)*mesh3d\b"), re.compile(rb"^\s*NDIME\s*=", re.MULTILINE)
-_NASTRAN = (".bdf", ".nas", ".fem", ".dat", ".blk", "")
+#: What formats are called, and their suffixes, by which a file is known that does not begin like any of them.
+_FORMATS = {
+    "gmsh": ("Gmsh", (".msh",)),
+    "abaqus": ("Abaqus", (".inp",)),
+    "nastran": ("Nastran", (".bdf", ".nas", ".fem", ".blk")),
+    "exodus": ("Exodus", (".e", ".exo", ".ex2")),
+    "netgen": ("Netgen", (".vol",)),
+    "su2": ("SU2", (".su2",)),
+    "unv": ("I-DEAS", (".unv",)),
+    "med": ("MED", (".med",)),
+    "medit": ("Medit", (".mesh",)),
+    "vtk": ("VTK", (".vtk",)),
+    "vtu": ("VTU", (".vtu",)),
+    "tecplot": ("Tecplot", (".tec",)),
+}
 #: What elements of a dimension are called.
 _ELEMENTS = ("points", "lines", "surfaces", "cells")
 
@@ -80,7 +95,7 @@ def read_mesh(path: str | Path, order: int | None = None) -> Mesh:
         raise
     size = name.stat().st_size
     _require(_FACTOR, path, size)
-    start = first_bytes(name, 1 << 16, "mesh file")
+    start = first_bytes(name, 1 << 16, "mesh file").removeprefix(b"\xef\xbb\xbf")
     try:
         return _mesh(_raw(name, start, size), MeshRecipe(Path(path).absolute(), order=1 if order == 1 else None))
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
@@ -103,32 +118,55 @@ def _named(path: str | Path) -> str:
 
 def _raw(path: Path, start: bytes, size: int) -> RawMesh:
     """What a file holds, by how it begins; by what it is called where that tells nothing."""
+    suffix = path.suffix.lower()
+    called = next((name for name, (_, suffixes) in _FORMATS.items() if suffix in suffixes), "")
+    held = _held(path, start)
+    raw = _parsed(held or called, path, start, size)
+    if held and called and held != called:
+        stands_for, holds = _FORMATS[called][0], _FORMATS[held][0]
+        raw.notes.append(f"its suffix '{suffix}' stands for {stands_for}, but it holds {holds} and was read so")
+    return raw
+
+
+def _held(path: Path, start: bytes) -> str:
+    """The format of a file that begins so; empty if that does not tell."""
+    signs: dict[str, Callable[[bytes], object]] = {
+        "gmsh": is_msh,
+        "abaqus": is_abaqus,
+        "netgen": _NETGEN.match,
+        "su2": _SU2.search,
+        "unv": is_unv,
+    }
+    own = next((name for name, holds in signs.items() if holds(start)), "") or format_of(path, start)
+    return own or ("nastran" if is_nastran(start) else "")
+
+
+def _parsed(form: str, path: Path, start: bytes, size: int) -> RawMesh:
+    """What a file of a format holds."""
 
     def text(factor: float = _OF_WORDS) -> str:
         _require(factor, path, size)
-        return read_bytes(path, "mesh file", max(size, 1)).decode("utf-8", "replace")
+        return read_bytes(path, "mesh file", max(size, 1)).decode("utf-8-sig", "replace")
 
-    suffix = path.suffix.lower()
-    if is_msh(start):
-        return parse_msh(read_bytes(path, "mesh file", max(size, 1)))
-    if suffix == ".inp" or is_abaqus(start):
-        return parse_abaqus(text(), path.parent)
-    if suffix == ".vol" or _NETGEN.match(start):
-        return parse_netgen(text())
-    if suffix == ".su2" or _SU2.search(start):
-        return parse_su2(text())
-    if is_unv(start):
-        return parse_unv(text(_OF_FIELDS))
-    other = format_of(path, start)
-    if suffix in _NASTRAN and not other and is_nastran(start):
-        return parse_nastran(text(_OF_FIELDS), path.parent)
-    if other:
-        return read_by_meshio(path, [other])
-    if suffix == ".msh" and not start.lstrip().startswith(b"("):
-        raise ProblemError("cannot be read: it does not begin like a Gmsh file ($MeshFormat)")
-    if is_nastran(start):
-        return parse_nastran(text(_OF_FIELDS), path.parent)
-    return read_by_meshio(path)
+    match form:
+        case "gmsh" if is_msh(start):
+            return parse_msh(read_bytes(path, "mesh file", max(size, 1)))
+        case "gmsh" if not start.lstrip().startswith(b"("):  # that of ANSYS has the same suffix
+            raise ProblemError("cannot be read: it does not begin like a Gmsh file ($MeshFormat)")
+        case "abaqus":
+            return parse_abaqus(text(), path)
+        case "netgen":
+            return parse_netgen(text())
+        case "su2":
+            return parse_su2(text())
+        case "unv":
+            return parse_unv(text(_OF_FIELDS))
+        case "nastran":
+            return parse_nastran(text(_OF_FIELDS), path)
+        case "exodus":
+            return parse_exodus(path, start)
+    sign = format_of(path, start)
+    return read_by_meshio(path, [sign] if sign else [])
 
 
 def _mesh(raw: RawMesh, recipe: MeshRecipe) -> Mesh:
@@ -178,7 +216,7 @@ class _Groups:
         count = int(number.max()) + 1
         facets, keys, _ = cell_facets(number[split.cells[dim]], count)
         ordered, first, counts = np.unique(keys, return_index=True, return_counts=True)
-        inner = ordered[counts > 1]
+        inner = counts > 1
         for (of, name), rows in raw.groups.items():
             mask = np.zeros(len(raw.kinds[of]), dtype=bool)
             mask[rows] = True
@@ -194,12 +232,13 @@ class _Groups:
             self._nodes(name, outer, at[number >= 0])
 
     def _facets(
-        self, name: str, facets: IntArray, keys_of: Callable[[IntArray], IntArray], known: IntArray, inner: IntArray
+        self, name: str, facets: IntArray, keys_of: Callable[[IntArray], IntArray], known: IntArray, inner: BoolArray
     ) -> None:
-        """A group of facets: those between two cells are an interface."""
+        """A group of facets: those between two cells are an interface; ``known`` are the keys of all, in order."""
         apart = np.asarray((facets < 0).any(axis=1))
         keys = keys_of(np.where(apart[:, None], 0, facets))
-        apart |= ~np.isin(keys, known)
+        at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
+        apart |= known[at] != keys
         if apart.all():
             self.notes.append(f"group '{name}' belongs to no cell of the body; it was ignored")
             return
@@ -208,7 +247,7 @@ class _Groups:
                 f"group '{name}' has facets that belong to no cell ({np.count_nonzero(apart)} of {len(facets)}); "
                 "remove them"
             )
-        within = np.asarray(np.isin(keys, inner))
+        within = inner[at]
         if not within.all():
             self.boundaries[name] = facets[~within]
         if within.any():

@@ -83,12 +83,31 @@ class MeshRecipe:
             Form.NUMBER, "factor for all coordinates, such as `1e-3` from mm to m", above=0.0, table="mesh"
         ),
     )
+    mirror: str = field(
+        default="",
+        metadata=stated(
+            Form.TEXT,
+            'the coordinate whose sign is changed: `"x"`, `"y"`, or `"z"` in space; names of boundaries stay',
+            choices=("x", "y", "z"),
+            table="mesh",
+            left_out="not mirrored",
+        ),
+    )
     turn: float = field(
         default=0.0,
         metadata=stated(
             Form.NUMBER,
-            "angle in degrees by which a plane mesh is turned about the origin, after scaling",
+            "angle in degrees by which the mesh is turned about the origin, after `scale` and `mirror`",
             table="mesh",
+        ),
+    )
+    axis: tuple[float, ...] = field(
+        default=(),
+        metadata=stated(
+            Form.LIST,
+            "in space, direction of the axis through the origin about which `turn` turns, such as `[0, 0, 1]`",
+            table="mesh",
+            left_out="none",
         ),
     )
     shift: tuple[float, ...] = field(
@@ -137,8 +156,10 @@ class MeshRecipe:
         mesh = read_mesh(source, self.order) if isinstance(source, Path) else source.build(halvings)
         if self.scale != 1.0:
             mesh = mesh.scaled(self.scale)
-        if self.turn:
-            mesh = mesh.rotated(math.radians(self.turn))
+        if self.mirror:
+            mesh = mesh.mirrored(self.mirror)
+        if self.turn or self.axis:
+            mesh = mesh.rotated(math.radians(self.turn), self.axis or None)
         if self.shift:
             mesh = mesh.moved(np.eye(mesh.dim), self.shift)
         if self.boundaries:
@@ -154,7 +175,7 @@ class MeshRecipe:
     @property
     def grid(self) -> Grid | None:
         """The built-in mesh that it is, scaled and refined at most; None for others."""
-        placed = bool(self.turn or self.shift or self.opened)
+        placed = bool(self.mirror or self.turn or self.shift or self.opened)
         return self.source if isinstance(self.source, Grid) and not placed else None
 
     @property

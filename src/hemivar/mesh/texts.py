@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import read_bytes, regular_file, shown
+from hemivar.basics.disk import read_bytes, regular_file, same_file, shown
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
 
@@ -19,23 +21,47 @@ _NO_LETTER = re.compile(r"(?<=[\d.])(?=[+-]\d)")
 
 
 #: Included files may include others so deep, and there may be so many.
-_DEPTH, _MOST_INCLUDED = 8, 1000
+_DEPTH, _MOST_INCLUDED = 50, 1000
 
 
+@dataclass(frozen=True)
 class Included:
-    """The texts of files that the text of a mesh includes; their names count from its folder."""
+    """The text of a mesh file, and of files that it includes; their names count from its folder, or from the first."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._count = folder, 0
+    path: Path
+    text: str
+    outer: tuple[Path, ...] = ()  # the files that include one another up to this one
+    count: list[int] = field(default_factory=lambda: [0])  # how many files were included
 
-    def text(self, name: str, depth: int) -> str:
-        """The text of a file that one included so deep names."""
-        self._count += 1
-        if depth >= _DEPTH or self._count > _MOST_INCLUDED:
-            what = f"more than {_DEPTH} deep" if depth >= _DEPTH else f"more than {_MOST_INCLUDED} times"
-            raise ProblemError(f"files include one another {what}, at '{shown(name)}'; remove the circle")
-        path = regular_file(self._folder / name.replace("\\", "/"), "included file", 2**62)
-        return read_bytes(path, "included file", max(path.stat().st_size, 1)).decode("utf-8", "replace")
+    def whole(self, include: re.Pattern[str], end: str = "(?!)") -> str:
+        """The text up to an end, with the files in it that lines of a pattern include, by one of its groups."""
+
+        def put(match: re.Match[str]) -> str:
+            name = next(group for group in match.groups() if group is not None)
+            return self.opened(re.sub(r"\s*\n\s*", "", name)).whole(include, end)
+
+        return include.sub(put, re.split(end, self.text.replace("\r\n", "\n"), maxsplit=1)[0])
+
+    def opened(self, name: str) -> Included:
+        """A file that this one names."""
+        self.count[0] += 1
+        chain = (*self.outer, self.path)
+        given = name.strip().strip("\"'").replace("\\", "/")
+        places = [one.parent / given for one in (self.path, chain[0])]
+        path = next((one for one in places if os.path.isfile(one)), places[0])
+        if any(same_file(path, one) for one in chain):
+            raise ProblemError(
+                f"'{shown(self.path.name)}' includes '{shown(name)}', which includes it; remove the circle"
+            )
+        if len(chain) > _DEPTH or self.count[0] > _MOST_INCLUDED:
+            what = f"more than {_DEPTH} deep" if len(chain) > _DEPTH else f"more than {_MOST_INCLUDED} times"
+            raise ProblemError(f"files include one another {what}, at '{shown(name)}'; write them as one file")
+        if not given or not os.path.exists(path):
+            raise ProblemError(
+                f"'{shown(self.path.name)}' includes '{shown(given)}', which is not there; put that file beside it"
+            )
+        text = read_bytes(regular_file(path, "included file", 2**62), "included file", max(path.stat().st_size, 1))
+        return Included(path, text.decode("utf-8-sig", "replace"), chain, self.count)
 
 
 def floats(words: list[str], what: str) -> Array:
