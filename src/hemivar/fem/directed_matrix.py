@@ -38,8 +38,12 @@ class DirectedMatrix:
         seen = np.unique(rows.indices).astype(np.int64)
         schur = factorise(sp.csr_array(self.matrix), seen).schur
         on_seen = rows[:, seen].toarray()
-        compliance = on_seen @ la.solve(schur, on_seen.T, assume_a="sym")
-        return np.asarray(0.5 * (compliance + compliance.T))
+        try:
+            half = la.solve_triangular(la.cholesky(schur, lower=True), on_seen.T, lower=True)
+            return np.asarray(half.T @ half)
+        except la.LinAlgError:  # rounding has left a stiffness that is not positive
+            compliance = on_seen @ la.solve(schur, on_seen.T, assume_a="sym")
+            return np.asarray(0.5 * (compliance + compliance.T))
 
     def rows(self, nodes: IntArray, weights: Array) -> sp.csr_array:
         """The matrix (rows, n) of ``sum over q and i of weights[..., q, i] u_i(nodes[..., q])``.
