@@ -1,7 +1,7 @@
 """A double cantilever on a bilinear cohesive zone.
 
-One arm of 3 mm, 25 wide, E = 70000, with a crack of 50 mm, on glue of the stiffness 1e4, strength 10, energy 0.5. A beam on such
-glue has a closed form, piece by piece.
+One arm of 3 mm, 25 wide, E = 70000, with a crack of 50 mm, on glue of the stiffness 1e4, strength 10, energy 0.5. A
+beam on such glue has a closed form, piece by piece.
 """
 
 import runpy
@@ -16,7 +16,7 @@ WITHIN = 0.01
 
 
 def computed(fine: bool = False) -> dict[str, float]:
-    """Beam elements of the example of the gallery: 40 or 160 along the glue."""
+    """Beam elements of the example of the gallery: 80 or 160 along the glue."""
     found = runpy.run_path(str(Path(__file__).parents[1] / "double_cantilever.py"))
     load, opening = found["by_beams"](160 if fine else 80)
     return {

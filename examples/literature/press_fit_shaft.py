@@ -11,7 +11,7 @@ import hemivar as hv
 
 SOURCE = "Lame"
 PRINTED = {"mean pressure": 54.08653846}
-REASON = "linear elements across 10 mm; second order in the cells"
+REASON = "linear elements, of second order (fine: quadratic)"
 WITHIN = 5e-3
 FILE = Path(__file__).parents[1] / "problems" / "press_fit.toml"
 

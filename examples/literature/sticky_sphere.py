@@ -1,7 +1,8 @@
 """A sphere that sticks to a half space.
 
-R = 8, E = 200, nu = 0.3, work of adhesion 0.01. Johnson, Kendall and Roberts have the pull-off force 3/2 pi w R where the range of
-attraction is short; Derjaguin, Muller and Toporov have 2 pi w R where it is long. Here Tabor's number is 3.6.
+R = 8, E = 200, nu = 0.3, work of adhesion 0.01. Johnson, Kendall and Roberts have the pull-off force 3/2 pi w R
+where the range of attraction is short; Derjaguin, Muller and Toporov have 2 pi w R where it is long. Here Tabor's
+number is 3.6.
 """
 
 import runpy

@@ -14,10 +14,14 @@ FOLDER = Path(__file__).parents[2] / "examples" / "literature"
 TABLE = runpy.run_path(str(FOLDER / "table.py"))
 #: Cases that take more than about a second.
 LONG = {
+    "archard_punch",
     "bouncing_bar",
     "brazilian_disc",
-    "indenters",
     "cantilever_on_glue",
+    "double_cantilever",
+    "equal_cylinders",
+    "indenters",
+    "punch_with_friction",
     "softening_jumps",
     "stick_slip",
     "sticky_sphere",
@@ -39,4 +43,4 @@ def test_what_is_printed_is_found(name: str) -> None:
 def test_the_page_has_every_case_once() -> None:
     rows = re.findall(r"^\| \[(\w+)\]\(\.\./examples/literature/\1\.py\)", PAGE, re.MULTILINE)
     assert rows == TABLE["NAMES"]
-    assert len(rows) <= 30
+    assert 25 <= len(rows) <= 30
