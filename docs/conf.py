@@ -75,7 +75,7 @@ sphinx_gallery_conf = {
     "examples_dirs": [str(ROOT / "examples")],
     "gallery_dirs": ["gallery"],
     "filename_pattern": os.environ.get("HEMIVAR_GALLERY", r"\.py$"),
-    "ignore_pattern": r"(^|/)_|/(meshes|own_law)/",
+    "ignore_pattern": r"(^|/)_|/(literature|meshes|own_law)/",
     "within_subsection_order": "site_figures.ReadingOrder",
     "thumbnail_size": (640, 448),
     "download_all_examples": False,

@@ -320,7 +320,11 @@ def _assemble(line: LoadLine, follower: Follower, track: Track, perturbed: bool)
         ended=track.ended,
         perturbed=perturbed,
         snap_size=snap_size,
-        warnings=(*line.loaded.notes, *_strained(line, follower, t, local, multiplier)),
+        warnings=(
+            *line.loaded.notes,
+            *_strained(line, follower, t, local, multiplier),
+            *(_process_zone(local, multiplier) if snap_size != 0.0 else ()),  # 0: laws that drop have none
+        ),
     )
 
 
@@ -371,6 +375,26 @@ def _snaps(follower: Follower, track: Track) -> tuple[BoolArray, float | None]:
         steepest = max(steepest, float(fall[chain.weights * fall > 1.0].max(initial=0.0)))
     beside = np.concatenate([[False], alone]) | np.concatenate([alone, [False]])
     return beside, 1.0 / steepest if alone.any() else None
+
+
+def _process_zone(local: Array, multiplier: Array) -> tuple[str, ...]:
+    """That less than three points soften at a time on a path (k, m, d) on which some of many points break.
+
+    A point softens, or is broken, while it is farther from rest than ever before and bears less than it has.
+    """
+    size = np.linalg.norm(multiplier, axis=2)
+    least = 1e-6 * size.max()
+    distance = np.linalg.norm(local * (np.abs(multiplier) > least).any(axis=0), axis=2)  # of what bears
+    farthest = distance >= (1.0 - 1e-9) * np.maximum.accumulate(distance, axis=0)
+    weaker, none = farthest & (size < np.maximum.accumulate(size, axis=0) - least), size <= least
+    most, beside = int((weaker & ~none).sum(axis=1).max()), weaker.any(axis=0)
+    if most > 2 or len(beside) < 10 or beside.all() or not (weaker & none).any():
+        return ()
+    return (
+        f"at most {most} contact point{'s' * (most != 1)} soften{'s' * (most == 1)} at a time, so the loads at which "
+        "points break depend on the mesh and may be several per cent too large: make the cells of the contact smaller, "
+        "until three soften",
+    )
 
 
 def _strained(line: LoadLine, follower: Follower, t: Array, local: Array, multiplier: Array) -> tuple[str, ...]:
