@@ -12,7 +12,7 @@ from hemivar.mechanics import Contact, ContactProblem, Fixed, Material
 from hemivar.mesh import rectangle
 
 
-def pulled(strength: float, cells: int) -> Path:
+def peeled_arm(strength: float, cells: int) -> Path:
     """The arm of a laminate on half of the glue, quadratic elements."""
     arm = ContactProblem(
         mesh=rectangle((60.0, 1.5), (cells, 2)).marked({"glue": "y < 1e-9 and x > 29.99"}),
@@ -27,13 +27,13 @@ def pulled(strength: float, cells: int) -> Path:
 
 @pytest.mark.parametrize(("strength", "cells", "few"), [(57.0, 30, True), (5.0, 60, False)])
 def test_few_points_in_the_process_zone_are_said(strength: float, cells: int, few: bool) -> None:
-    said = [warning for warning in pulled(strength, cells).warnings if "soften" in warning]
+    said = [warning for warning in peeled_arm(strength, cells).warnings if "soften" in warning]
     assert bool(said) is few
 
 
 def test_springs_that_soften_all_at_once_have_no_process_zone() -> None:
     block = ContactProblem(
-        mesh=rectangle((1.0, 1.0), 4),
+        mesh=rectangle((1.0, 1.0), (12, 2)),
         material=Material.young(1.0, 0.0),
         contact={"bottom": Contact(hv.Softening(stiffness=4.0, limit=0.05, softening=0.2))},
         supports={"top": Fixed(x=0.0, y=-1.5), "left": "roller", "right": "roller"},
