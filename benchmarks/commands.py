@@ -110,7 +110,7 @@ compare wrong.toml | compare loose.toml | compare scalar.toml --methods newton,b
 study block.toml --refine 2 --csv a.csv --latex a.tex --json a.json --plot a.png
 study block.toml --refine 1 --coarser 2 --exact --checkpoint a.jsonl | study block.toml --coarser 9
 study block.toml --refine 1 --known 0 --known 0 | study block.toml --refine 1 --known 0 | study scalar.toml --refine 1
-study scalar.toml --refine 1 --exact | study wrong.toml | study loose.toml
+study scalar.toml --refine 1 --exact | study block.toml --refine 1 --jobs 2 | study wrong.toml | study loose.toml
 study block.toml --refine 1 --max-steps 1 | study block.toml --refine 0 | study units.toml --refine 1 --json a.json
 study block.toml --refine 1 --checkpoint curve.csv | study block.toml --refine 1 --set contact.bottom.gap=0.1
 steps march.toml --until 0.1 --step 0.02 --csv a.csv --latex a.tex --json a.json --plot a.png | steps block.toml

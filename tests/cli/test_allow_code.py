@@ -69,8 +69,8 @@ def test_every_command_asks(command: str, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_every_command_with_a_problem_has_the_option() -> None:
-    assert {"solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "steps", "sweep",
-            "identify", "animate"} == set(DOORS)  # fmt: skip
+    assert {"solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "sweep", "identify",
+            "animate"} == set(DOORS)  # fmt: skip
     assert "allow_code" in COMMANDS["studio"].__dataclass_fields__  # type: ignore[attr-defined]
 
 
@@ -115,6 +115,8 @@ def test_a_study_reads_with_permission() -> None:
 
 @pytest.mark.slow
 def test_other_processes_have_the_law_of_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    alone = hv.study("p.toml", 2, code=ALLOWED)
+    assert (hv.study("p.toml", 2, code=ALLOWED, jobs=2).errors("energy") == alone.errors("energy"))[:-1].all()
     sweep = ["sweep", "p.toml", "--set", f"{KEY}=10:20:40", "--starts", "2", "--jobs", "2"]
     assert cli.main([*sweep, "--allow-code", "./two_springs.py"]) == 0
     assert "without result" not in capsys.readouterr().out

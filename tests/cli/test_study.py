@@ -28,9 +28,7 @@ from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT, block_file
 from tests.samples import sampled
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
-COMMANDS = (
-    "solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "steps", "sweep", "identify",
-)  # fmt: skip
+COMMANDS = ("solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "sweep", "identify")
 
 
 @pytest.fixture
@@ -272,8 +270,8 @@ def test_templates_are_listed_and_others_refused(tmp_path: Path, capsys: pytest.
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
-def test_a_study_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> None:
-    command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "8"]
+def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> None:
+    command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "8", "--jobs", "2"]
     kept = Path("a.jsonl")
     process = subprocess.Popen(
         [*command, "--checkpoint", "a.jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -282,7 +280,7 @@ def test_a_study_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> Non
     late = time.monotonic() + 120.0
     while time.monotonic() < late and (not kept.exists() or kept.read_text().count("\n") < 4):
         time.sleep(0.01)
-    process.send_signal(end)
+    process.send_signal(end)  # to this process alone: the others end with it
     out, err = process.communicate(timeout=60)
     assert process.returncode == (130 if end is signal.SIGINT else -signal.SIGKILL), err
     done = kept.read_text().splitlines()
@@ -292,12 +290,16 @@ def test_a_study_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> Non
         told = re.search(r"interrupted: (\d) of 9 meshes are done; run the same command to continue", out)
         assert told is not None
         assert int(told[1]) in (len(done) - 1, len(done) - 2)  # it may come when a mesh was kept and is to be told
+    late = time.monotonic() + 20.0
+    while time.monotonic() < late and others_of(process.pid):
+        time.sleep(0.05)
+    assert not others_of(process.pid)
     again = [*command, "--checkpoint", "a.jsonl", "--csv", "a.csv"]
     resumed = subprocess.run(again, capture_output=True, text=True, timeout=300)
     assert resumed.returncode == 0, resumed.stderr
     assert resumed.stdout.count(": kept\n") == len(done) - 1
     assert kept.read_text().splitlines()[: len(done)] == done
-    alone = [*command, "--checkpoint", "b.jsonl", "--csv", "b.csv"]
+    alone = [*command[:-1], "1", "--checkpoint", "b.jsonl", "--csv", "b.csv"]
     subprocess.run(alone, capture_output=True, timeout=300, check=True)
     assert Path("b.csv").read_bytes() == Path("a.csv").read_bytes()
 

@@ -255,9 +255,26 @@ def test_what_a_time_limit_ended_is_tried_again(problem: hv.ContactProblem, tmp_
     assert studied(problem, options)[0] == begun == [0, 1]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [2, 5])
+def test_processes_find_the_same_bits(
+    problem: hv.ContactProblem, exact: hv.workflows.Study, tmp_path: Path, jobs: int
+) -> None:
+    same_bits(hv.study(problem, 3, known=MANUFACTURED_EXACT, jobs=jobs), exact)
+    keep = tmp_path / "a.jsonl"
+    stopped_after(problem, 1, StudyOptions(3, checkpoint=keep, jobs=jobs))
+    assert keep.read_text().count("\n") == 2
+    same_bits(hv.study(problem, 3, known=MANUFACTURED_EXACT, jobs=jobs, checkpoint=keep), exact)
+    assert keep.read_text().count("\n") == 5
+
+
 def test_what_makes_no_sense_is_refused(problem: hv.ContactProblem) -> None:
     with pytest.raises(ProblemError, match="refine is 0"):
         hv.study(problem, 0)
+    with pytest.raises(ProblemError, match="jobs is 0"):
+        hv.study(problem, 1, jobs=0)
+    with pytest.raises(ProblemError, match="calls no function"):
+        hv.study(problem, 1, jobs=2, controls=hv.Controls(callback=lambda _: None))
     with pytest.raises(ProblemError, match="has 1 components and the displacement 2"):
         hv.study(problem, 1, known=["x"])
     with pytest.raises(ProblemError, match="uses t"):

@@ -41,6 +41,7 @@ class StudyCommand(OnProblem):
     exact: opt.Exact = None
     columns: opt.Columns = None
     method: opt.MethodName = None
+    jobs: opt.Jobs = 1
     checkpoint: opt.Checkpoint = None
     csv: opt.Csv = None
     latex: opt.Latex = None
@@ -69,6 +70,7 @@ class StudyCommand(OnProblem):
             self.known or None,
             solver,
             session.controls,
+            self.jobs,
             must_keep=self.checkpoint is not None,
             exact=bool(self.exact),
             columns=opt.columns_of(self.columns, first),

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import cast
 
 import numpy as np
 
 from hemivar.basics.codec import array_of_text, decoded, encoded, text_of_array
+from hemivar.basics.disk import read_text, write_text
 from hemivar.basics.types import AnyArray, Array, Record
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
@@ -42,6 +44,15 @@ class StoredSolution:
         """What is kept of a solution."""
         names = [field.name for field in fields(StoredSolution) if field.name != "number"]
         return StoredSolution(number, **{name: getattr(solution, name) for name in names})
+
+    def keep(self, path: Path) -> None:
+        """A file with this line alone, whole or not at all."""
+        write_text(path, self.line())
+
+    @staticmethod
+    def read(path: Path, most_bytes: int) -> StoredSolution:
+        """The contrary of :meth:`keep`."""
+        return StoredSolution.of_line(read_text(path, "solution", most_bytes))
 
     def line(self) -> str:
         """The line; numbers of the two arrays as their bytes in base 64."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,6 +18,7 @@ from hemivar.basics.content import digest_of
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_keywords import known_keywords, showing_options
 from hemivar.basics.known_statement import ManufacturedProblem
+from hemivar.basics.processes import results
 from hemivar.basics.rows import Claim, Column, ResultRows
 from hemivar.basics.types import Array
 from hemivar.basics.user_code import checked_code
@@ -38,7 +42,7 @@ from hemivar.solvers.methods import as_method
 from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
 from hemivar.systems import Workspace
 from hemivar.workflows.convergence import Convergence, ErrorLevel
-from hemivar.workflows.events import MethodEvent, Phase, StartEvent, WarningEvent, Work, until_interrupted
+from hemivar.workflows.events import MethodEvent, Phase, StartEvent, WarningEvent, Work
 from hemivar.workflows.solving import from_coarser
 
 __all__ = ["Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
@@ -49,6 +53,8 @@ _MOST_REFINED = 12
 _MOST_KEPT = 2**36
 #: Ends of a solve after which a mesh is not done.
 _NO_LEVEL = (Status.INTERRUPTED, Status.OUT_OF_MEMORY)
+#: Seconds between two looks for a solution of another process.
+_PAUSE = 0.02
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,9 @@ class StudyOptions:
         The method, or its name; chosen for the finest mesh by predicted cost and memory if not given.
     controls : Controls
         Tolerances and limits of each solve; the tolerance must lie far below the errors.
+    jobs : int
+        Processes that work at once: the finest mesh is made and assembled while the coarser ones are solved.  A script
+        that asks for more than one does so below ``if __name__ == "__main__":``, for each process reads it again.
     checkpoint : str or Path, optional
         A file to which the solution on every mesh goes when it is done; meshes that it holds are not solved again, also
         where the mesh is now halved more often, or compared with another known solution.
@@ -82,13 +91,15 @@ class StudyOptions:
     Raises
     ------
     ProblemError
-        The number of halvings makes no sense, or a formula is none.
+        The number of halvings or of processes makes no sense, a formula is none, or the controls have a function to
+        call in other processes.
     """
 
     refine: int = 4
     known: KnownField | Sequence[str] | None = None
     method: Solver | str | None = None
     controls: Controls = field(default_factory=Controls)
+    jobs: int = 1
     checkpoint: str | Path | None = None
     must_keep: bool = True
     exact: bool = False
@@ -101,6 +112,11 @@ class StudyOptions:
             raise ProblemError(f"refine is {count}; a mesh can be halved {_MOST_REFINED} times at most")
         as_method(self.method)
         expect(self.controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
+        if whole_number(self.jobs, "jobs", 1) > 1 and self.controls.callback is not None:
+            raise ProblemError(
+                "a study by several processes calls no function after every step; leave the callback of its controls "
+                "out, or take jobs = 1"
+            )
         expect(self.exact, bool, "exact", "give True or False")
         checked_code(self.code)
         if self.known is not None and not isinstance(self.known, KnownField):
@@ -244,10 +260,11 @@ def studying(
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 
     Yields :class:`WarningEvent`, :class:`MethodEvent`, for every mesh :class:`Phase`, :class:`StartEvent`, the steps
-    of the solve and :class:`StudyLevel`; of a mesh that was kept :class:`Phase` and :class:`StudyLevel`. An
-    interruption ends the work; where the finest mesh is the reference, it is the finest then reached. Every mesh is
-    solved by one thread, so that the numbers do not depend on what was kept. Where a problem has several solutions,
-    that on each mesh is the one that its coarser neighbour leads to.
+    of the solve and :class:`StudyLevel`; of a mesh that was kept or that another process solves, :class:`Phase` and
+    :class:`StudyLevel`. An interruption ends the work; where the finest mesh is the reference, it is the finest
+    then reached. Every mesh is solved by one thread, so that the numbers depend neither on the number of processes
+    nor on what was kept. Where a problem has several solutions, that on each mesh is the one that its coarser
+    neighbour leads to.
 
     Parameters
     ----------
@@ -262,7 +279,7 @@ def studying(
     Raises
     ------
     ProblemError, MethodError, FileError
-        As :func:`hemivar.solve`; the problem is no statement, or the exact solution does not fit; the
+        As :func:`hemivar.solve`; the problem is no statement, or the exact solution does not fit; a process ended; the
         record is that of another study.
     """
     options = StudyOptions() if options is None else options
@@ -294,9 +311,16 @@ def studying(
             wanted=options.must_keep,
         )
     levels: list[StudyLevel] = []
-    interrupted = yield from until_interrupted(_levels(stated, options, kept, levels))
+    interrupted = False
+    try:
+        interrupted = yield from _levels(stated, options, kept, levels)
+    except KeyboardInterrupt:
+        interrupted = True
     if options.exact and not interrupted:
-        interrupted = yield from until_interrupted(_bounded(levels))
+        try:
+            interrupted = yield from _bounded(levels)
+        except KeyboardInterrupt:
+            interrupted = True
     if not levels and interrupted:
         raise KeyboardInterrupt
     if not levels:
@@ -348,7 +372,7 @@ def study(
     return result_of(studying(problem, StudyOptions(refine, **options)))  # type: ignore[arg-type]
 
 
-# ---- the meshes, one after the other ---------------------------------------------------------------------------
+# ---- the meshes, one after the other or by processes -----------------------------------------------------------
 
 
 def _levels(
@@ -357,26 +381,33 @@ def _levels(
     """All meshes from coarse to fine, put into the list when they are done; returns whether it was interrupted."""
     count = options.refine + 1
     there = {} if kept is None else {one.number: one for one in kept}
-    mesh, last = stated.mesh, None
-    for number in range(count):
+    mesh = stated.mesh
+    last: Solution | None = None
+    number = 0
+    while number < count and number in there:  # nothing is known of a mesh without those before it
         mesh = mesh if number == 0 else mesh.refined()
-        discrete = discretize(stated.on(mesh))
-        named = f"h = {mesh.size:.4g}, {discrete.unknowns} unknowns"
+        last = there[number].solution(discretize(stated.on(mesh)))
         if number == 0:
+            yield from _opening(last.problem, options)
+        yield Phase(f"{_named(mesh, last.problem)}: kept", number, count)
+        levels.append(_level(last, mesh, options))
+        yield levels[-1]
+        number += 1
+    if number == count:
+        return False
+    if min(options.jobs, count - number) > 1:
+        return (yield from _by_processes(stated, options, kept, levels))
+    for mine in range(number, count):
+        mesh = mesh if mine == 0 else mesh.refined()
+        discrete = discretize(stated.on(mesh))
+        if mine == 0:
             yield from _opening(discrete, options)
-        if number in there:
-            last = there[number].solution(discrete)
-            yield Phase(f"{named}: kept", number, count)
-        else:
-            there.clear()  # nothing is known of a mesh without those before it
-            yield Phase(named, number, count)
-            yield StartEvent(discrete, number, count)
-            with one_thread():  # the same bits in every process
-                last = yield from from_coarser(discrete, last, as_method(options.method), options.controls)
-            if last.status in _NO_LEVEL:
-                return last.status is Status.INTERRUPTED
-            if kept is not None and last.status is not Status.MAX_TIME:  # what is the same whenever it is computed
-                kept.add(StoredSolution.of(number, last))
+        yield Phase(_named(mesh, discrete), mine, count)
+        yield StartEvent(discrete, mine, count)
+        last = yield from _solving(discrete, last, options)
+        if last.status in _NO_LEVEL:
+            return last.status is Status.INTERRUPTED
+        _keep(kept, mine, last)
         levels.append(_level(last, mesh, options))
         yield levels[-1]
     return False
@@ -390,6 +421,22 @@ def _opening(discrete: DiscreteProblem, options: StudyOptions) -> Work[None]:
         yield MethodEvent(method, "")
 
 
+def _named(mesh: Mesh, discrete: DiscreteProblem) -> str:
+    return f"h = {mesh.size:.4g}, {discrete.unknowns} unknowns"
+
+
+def _keep(kept: ResumeLog[StoredSolution] | None, number: int, solution: Solution) -> None:
+    """Keep what is the same whenever it is computed: not what a time limit ended."""
+    if kept is not None and solution.status is not Status.MAX_TIME:
+        kept.add(StoredSolution.of(number, solution))
+
+
+def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOptions) -> Work[Solution]:
+    """The solution on one mesh from that on the mesh before, by one thread: the same bits in every process."""
+    with one_thread():
+        return (yield from from_coarser(discrete, last, as_method(options.method), options.controls))
+
+
 def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
     """A mesh, with its errors if the exact solution is known."""
     level = StudyLevel(mesh.size, solution)
@@ -398,6 +445,73 @@ def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
     stated = solution.problem.origin
     assert isinstance(stated, ContactProblem)
     return _against(level, stated, options.known)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """One mesh, with all that a process needs for it."""
+
+    number: int
+    stated: ContactProblem
+    options: StudyOptions
+    folder: Path
+    first: int
+    start: Solution | None
+
+
+def _by_processes(
+    stated: ContactProblem, options: StudyOptions, kept: ResumeLog[StoredSolution] | None, levels: list[StudyLevel]
+) -> Work[bool]:
+    """The meshes that are not in the list yet, by several processes; returns whether the work was interrupted.
+
+    Each mesh needs the solution on the one before, but not to be made and assembled.  The finest meshes come first,
+    each in a process of its own that has assembled its problem when the solution arrives; what is left is the chain of
+    the coarser ones for the last process, so that there is always one that waits for nothing.
+    """
+    first, count = len(levels), options.refine + 1
+    start = levels[-1].solution if levels else None
+    heads = min(options.jobs, count - first) - 1
+    order = [*range(count - 1, count - 1 - heads, -1), *range(first, count - heads)]
+    plain = replace(options, checkpoint=None, jobs=1)
+    with tempfile.TemporaryDirectory(prefix="hemivar-study-") as folder:
+        tasks = [_Task(number, stated, plain, Path(folder), first, start) for number in order]
+        with contextlib.closing(results(_mesh, tasks, options.jobs)) as finished:
+            done: dict[int, StudyLevel] = {}
+            for number, level in finished:
+                done[number] = level
+                while len(levels) in done:  # two may be done at once, the finer first
+                    mine = len(levels)
+                    solution, size = done[mine].solution, done[mine].size
+                    if mine == 0:
+                        yield from _opening(solution.problem, options)
+                    if solution.status in _NO_LEVEL:
+                        return solution.status is Status.INTERRUPTED
+                    _keep(kept, mine, solution)
+                    levels.append(done.pop(mine))
+                    yield Phase(f"h = {size:.4g}, {solution.problem.unknowns} unknowns: done", mine, count)
+                    if (yield levels[-1]):
+                        return len(levels) < count
+    return False
+
+
+def _mesh(task: _Task) -> tuple[int, StudyLevel]:
+    """The solution on one mesh, in a process of its own."""
+    mesh = task.stated.mesh
+    before = mesh
+    for _ in range(task.number):
+        before, mesh = mesh, mesh.refined()
+    discrete = discretize(task.stated.on(mesh))
+    last = task.start
+    if task.number > task.first:
+        coarse = discretize(task.stated.on(before))
+        passed = task.folder / str(task.number - 1)
+        while not passed.exists():
+            time.sleep(_PAUSE)
+        last = StoredSolution.read(passed, _MOST_KEPT).solution(coarse)
+    solution = result_of(_solving(discrete, last, task.options))
+    if task.number < task.options.refine and solution.status not in _NO_LEVEL:
+        StoredSolution.of(task.number, solution).keep(task.folder / str(task.number))
+    return task.number, _level(solution, mesh, task.options)
 
 
 # ---- errors ----------------------------------------------------------------------------------------------------
