@@ -69,8 +69,8 @@ def test_every_command_asks(command: str, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_every_command_with_a_problem_has_the_option() -> None:
-    assert {"solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "sweep", "identify",
-            "animate"} == set(DOORS)  # fmt: skip
+    assert {"solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "steps", "sweep",
+            "identify", "animate"} == set(DOORS)  # fmt: skip
     assert "allow_code" in COMMANDS["studio"].__dataclass_fields__  # type: ignore[attr-defined]
 
 

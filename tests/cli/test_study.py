@@ -28,7 +28,9 @@ from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT, block_file
 from tests.samples import sampled
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
-COMMANDS = ("solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "sweep", "identify")
+COMMANDS = (
+    "solve", "certify", "solutions", "path", "bracket", "march", "compare", "study", "steps", "sweep", "identify",
+)  # fmt: skip
 
 
 @pytest.fixture

@@ -26,6 +26,7 @@ __all__ = [
     "WarningEvent",
     "Work",
     "result_of",
+    "until_interrupted",
 ]
 
 
@@ -130,3 +131,11 @@ Result = TypeVar("Result")
 Event: TypeAlias = "Progress | SearchProgress | PathProgress | Reached | Notice"
 #: A use case at work: it yields events, ends early after a step if it is sent True, and returns its result.
 Work: TypeAlias = Generator[Event, bool | None, Result]
+
+
+def until_interrupted(work: Work[bool]) -> Work[bool]:
+    """Work that returns whether it was interrupted; Ctrl-C ends it, with what it has done until then."""
+    try:
+        return (yield from work)
+    except KeyboardInterrupt:
+        return True

@@ -20,7 +20,7 @@ from hemivar.evolution.march import marching
 from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.mechanics import ContactProblem
 from hemivar.workflows.convergence import QUANTITIES, Convergence, ErrorLevel
-from hemivar.workflows.events import Phase, Work
+from hemivar.workflows.events import Phase, Work, until_interrupted
 
 __all__ = ["TimeLevel", "TimeStudy", "TimeStudyOptions", "study_time"]
 
@@ -100,24 +100,33 @@ def study_time(evolution: Evolution, plan: March, options: TimeStudyOptions) -> 
     ProblemError
         A run does not reach its end, or runs have no times in common.
     """
-    discrete, span, levels = discretize_evolution(evolution), plan.until - evolution.start, list[TimeLevel]()
-    first = plan.stepping(span).first(span).step
+    discrete, levels = discretize_evolution(evolution), list[TimeLevel]()
     if isinstance(options.known, KnownField):
         options.known.check(discrete.field.components)
+    interrupted = yield from until_interrupted(_runs(discrete, plan, options.refine, levels))
+    if not levels:
+        raise KeyboardInterrupt
+    return _measured(discrete, levels, options, interrupted)
+
+
+def _runs(discrete: DiscreteEvolution, plan: March, refine: int, levels: list[TimeLevel]) -> Work[bool]:
+    """All runs, put into the list when they are done; returns whether they were interrupted."""
+    span = plan.until - discrete.evolution.start
+    first = plan.stepping(span).first(span).step
     plan = replace(plan, save=Save(every=first * math.ceil(span / first / _TIMES)), checkpoint=None, resume=False)
-    for number in range(options.refine + 1):
+    for number in range(refine + 1):
         step = first / 2**number
-        yield Phase(f"step = {step:.4g}", number, options.refine + 1)
+        yield Phase(f"step = {step:.4g}", number, refine + 1)
         level = TimeLevel(step, result_of(marching(discrete, replace(plan, step=FixedStep(step)))))
-        if level.history.ended == "interrupted" and levels:
-            break
+        if level.history.ended == "interrupted":
+            return True
         if not level.converged:
             at = f"t = {level.history.state.time:g} ({level.history.ended})"
             raise ProblemError(f"the run with step {step:g} ended at {at}; take other steps, or march alone to see why")
         levels.append(level)
         if (yield level):
-            break
-    return _measured(discrete, levels, options, len(levels) <= options.refine)
+            return number < refine
+    return False
 
 
 def _measured(
