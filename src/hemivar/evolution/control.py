@@ -465,7 +465,8 @@ class ControlledStepper(TimeStepper):
         workspace, problem = self.stages.workspace, first.problem
         system = workspace.condensed(problem, many=True)
         other = system.for_problem(second.problem)
-        equation = GraphEquation.of(system, problem.law.curve_above)
+        law = problem.law
+        equation = GraphEquation.of(system, law.curve_above if law.depends_on_whole_state else law.weak_convexity)
         if equation is None:
             raise ProblemError(
                 f"control = ... follows laws that are curves beside the body, and '{problem.law.name}' falls at once; "

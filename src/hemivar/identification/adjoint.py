@@ -201,7 +201,9 @@ class _Equations:
         soft = np.asarray(trace.multiply(trace) @ (1.0 / diagonal)).reshape(contact.shape) * contact.weights[:, None]
         stiff = 1.0 / np.where(soft > 0.0, soft, soft.max(initial=0.0) or 1.0)
         pair = np.column_stack([stiff[:, 0], stiff[:, 1:].max(axis=1) if stiff.shape[1] > 1 else stiff[:, 0]])
-        above = np.column_stack([np.broadcast_to(one, len(pair)) for one in problem.law.curve_above])
+        law = problem.law
+        alphas = law.curve_above if law.depends_on_whole_state else law.weak_convexity
+        above = np.column_stack([np.broadcast_to(one, len(pair)) for one in alphas])
         needed = np.where(np.isfinite(above), _ABOVE * above, 1e3 * pair.max(initial=0.0))
         return cls(solution, problem, stated, np.maximum(pair, needed), solution.unknowns, solution.multiplier)
 
