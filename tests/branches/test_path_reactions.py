@@ -26,7 +26,7 @@ def glued_strip(pulled: bool, loaded: bool) -> hv.ContactProblem:
     )
 
 
-def pushed(path: Path) -> np.ndarray:
+def force_of_foundation(path: Path) -> np.ndarray:
     """Force of the foundation on the body at each point, (k, d)."""
     contact = path.problem.contact
     forces = [contact.weights @ (0.0 - contact.global_vectors(one)) for one in path.multiplier]
@@ -39,7 +39,7 @@ def test_supports_loads_and_contact_are_in_balance_at_every_point(pulled: bool, 
     path = follow_path(problem)
     reactions = {name: path.reactions(name) for name in problem.supports}
     load = np.outer(path.load_factor, [0.0, 0.4 if loaded else 0.0])
-    np.testing.assert_allclose(sum(reactions.values()) + pushed(path) + load, 0.0, atol=1e-12)
+    np.testing.assert_allclose(sum(reactions.values()) + force_of_foundation(path) + load, 0.0, atol=1e-12)
     assert path.load_factor[-1] == 1.0
     solution = hv.solve(problem)
     np.testing.assert_allclose(solution.local, path.local[-1], atol=1e-9)  # the same of several equilibria
@@ -50,7 +50,7 @@ def test_supports_loads_and_contact_are_in_balance_at_every_point(pulled: bool, 
 def test_constant_loads_are_counted_whole_at_every_point() -> None:
     path = follow_path(glued_strip(True, True), constant=["top"])
     total = path.reactions("left") + path.reactions("right")
-    np.testing.assert_allclose(total + pushed(path), np.outer(np.ones(len(path)), [0.0, -0.4]), atol=1e-12)
+    np.testing.assert_allclose(total + force_of_foundation(path), np.outer(np.ones(len(path)), [0.0, -0.4]), atol=1e-12)
 
 
 def test_the_record_has_the_force_of_a_support_as_its_quantity() -> None:

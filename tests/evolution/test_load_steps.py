@@ -34,7 +34,7 @@ def sheet(cells: int, length: float = 1.0, stress: float = 1.0, **more: Any) -> 
     return hv.ContactProblem(**given | more)
 
 
-def ends(problem: hv.ContactProblem, **options: Any) -> Array:
+def forces_at_ends(problem: hv.ContactProblem, **options: Any) -> Array:
     """How far the pulled end is after each step."""
     history = hv.march(hv.Evolution(problem), **options)
     assert history.finished
@@ -48,7 +48,7 @@ def test_a_strip_that_is_pulled_and_released_keeps_half_of_its_way() -> None:
     round takes it ds^2 / (4 E g) back."""
     first, change = PULL**2 / (2.0 * YOUNG * FRICTION), PULL**2 / (4.0 * YOUNG * FRICTION)
     exact = np.array([first, first - change, first - change + 0.25 * change])
-    errors = [np.abs(ends(sheet(cells)) / exact - 1.0).max() for cells in (50, 200)]
+    errors = [np.abs(forces_at_ends(sheet(cells)) / exact - 1.0).max() for cells in (50, 200)]
     assert errors[1] < 7e-4
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
     whole = hv.solve(sheet(50).at_time(2.0)).displacement  # alone, it knows of no pull
@@ -56,11 +56,11 @@ def test_a_strip_that_is_pulled_and_released_keeps_half_of_its_way() -> None:
 
 
 def test_load_steps_do_not_depend_on_units() -> None:
-    assert ends(sheet(30, 1e-3, 1e6)) == pytest.approx(1e-3 * ends(sheet(30)), rel=1e-9)
+    assert forces_at_ends(sheet(30, 1e-3, 1e6)) == pytest.approx(1e-3 * forces_at_ends(sheet(30)), rel=1e-9)
 
 
 def test_increments_of_a_step_end_where_one_does_if_all_slide_one_way() -> None:
-    assert ends(sheet(30), step=0.25)[::4] == pytest.approx(ends(sheet(30)), rel=1e-9)
+    assert forces_at_ends(sheet(30), step=0.25)[::4] == pytest.approx(forces_at_ends(sheet(30)), rel=1e-9)
 
 
 def test_steps_are_the_same_as_loads_that_are_formulas_of_t() -> None:
@@ -175,8 +175,8 @@ def test_a_march_through_steps_goes_on_from_a_checkpoint(tmp_path: Path) -> None
 def test_a_problem_with_steps_is_pickled_and_put_on_another_mesh() -> None:
     problem = sheet(20)
     again = pickle.loads(pickle.dumps(problem))
-    assert ends(again) == pytest.approx(ends(problem), rel=1e-12)
-    assert ends(problem.on(problem.mesh.refined())) == pytest.approx(ends(problem), rel=1e-2)
+    assert forces_at_ends(again) == pytest.approx(forces_at_ends(problem), rel=1e-12)
+    assert forces_at_ends(problem.on(problem.mesh.refined())) == pytest.approx(forces_at_ends(problem), rel=1e-2)
 
 
 def test_a_body_of_revolution_keeps_what_friction_held_when_it_is_let_go() -> None:

@@ -14,7 +14,7 @@ INSIDE, AROUND = (3000.0, 0.2), (1000.0, 0.3)
 FAR = 30.0
 
 
-def body(cells: int, strain: Array, unit: float = 1.0) -> tuple[hv.ContactProblem, Array]:
+def body_with_inclusion(cells: int, strain: Array, unit: float = 1.0) -> tuple[hv.ContactProblem, Array]:
     """A quarter of it, and which cells are the inclusion: squares around a corner are drawn out to rings."""
     square = hv.rectangle((1.0, 1.0), cells)
     x, y = square.points.T
@@ -51,9 +51,9 @@ def eshelby(strain: Array) -> Array:
     return np.asarray(2.0 * mu * elastic + lam * (expanded - trace - across) * np.eye(2))
 
 
-def errors(cells: int, strain: Array) -> tuple[float, float]:
+def errors_of_inclusion(cells: int, strain: Array) -> tuple[float, float]:
     """Of the mean stress inside, and the largest of a cell, as parts of the stress."""
-    stated, inside = body(cells, strain)
+    stated, inside = body_with_inclusion(cells, strain)
     stress, volumes = hv.solve(stated).stress()[inside], stated.mesh.volumes[inside]
     exact = eshelby(strain)
     mean = np.einsum("kij,k->ij", stress, volumes) / volumes.sum()
@@ -66,14 +66,14 @@ def errors(cells: int, strain: Array) -> tuple[float, float]:
     "strain", [1e-3 * np.eye(3), np.diag([1e-3, -1e-3]), np.diag([2e-3, 0.0])], ids=["warm", "shape", "along"]
 )
 def test_the_stress_in_an_inclusion_is_that_of_eshelby(strain: Array, cells: int) -> None:
-    coarse, fine = errors(cells, strain), errors(2 * cells, strain)
+    coarse, fine = errors_of_inclusion(cells, strain), errors_of_inclusion(2 * cells, strain)
     assert fine[0] < 0.07 * (12 / cells) ** 2
     assert coarse[0] / fine[0] > 3.5  # of second order
     assert coarse[1] / fine[1] > 1.8  # it is as uniform as the elements let it be
 
 
 def test_an_inclusion_does_not_depend_on_units() -> None:
-    one, _ = body(6, np.diag([1e-3, -1e-3]))
-    other, _ = body(6, np.diag([1e-3, -1e-3]), 1000.0)
+    one, _ = body_with_inclusion(6, np.diag([1e-3, -1e-3]))
+    other, _ = body_with_inclusion(6, np.diag([1e-3, -1e-3]), 1000.0)
     found, expected = hv.solve(other).displacement, hv.solve(one).displacement
     assert np.abs(found / 1000.0 - expected).max() <= 1e-10 * np.abs(expected).max()

@@ -18,7 +18,7 @@ from hemivar.solvers import NonsmoothMultigrid
 STEEL = hv.Material.young(10.0, 0.3)
 
 
-def column(dim: int, plate: RigidPlate, order: int = 1, young: float = 10.0) -> hv.ContactProblem:
+def plated_column(dim: int, plate: RigidPlate, order: int = 1, young: float = 10.0) -> hv.ContactProblem:
     """A column of Poisson's ratio 0 on a smooth base, with a plate on it."""
     mesh = hv.rectangle((2.0, 1.0), (4, 2)) if dim == 2 else hv.box((2.0, 1.0, 1.0), (2, 2, 2))
     base = {"bottom": hv.Roller(), "left": hv.Roller()} if dim == 2 else {"bottom": hv.Roller()}
@@ -29,7 +29,7 @@ def column(dim: int, plate: RigidPlate, order: int = 1, young: float = 10.0) -> 
 def test_a_central_force_shortens_a_column(dim: int, order: int) -> None:
     force = (*(0.0,) * (dim - 1), -0.4)
     still = {} if dim == 2 else {"x": 0.0, "y": 0.0, "turn_z": 0.0}
-    problem = column(dim, RigidPlate(force=force, **still), order)
+    problem = plated_column(dim, RigidPlate(force=force, **still), order)
     solution = hv.solve(problem)
     nodes = problem.mesh.nodes(order)
     assert solution.displacement[:, -1] == pytest.approx(-0.02 * nodes[:, -1], abs=1e-12)
@@ -150,17 +150,17 @@ def test_a_ring_moves_along_its_axis() -> None:
 
 
 def test_plates_in_time_and_on_paths() -> None:
-    problem = column(2, RigidPlate(force=(0.0, "-0.4*t")))
+    problem = plated_column(2, RigidPlate(force=(0.0, "-0.4*t")))
     history = hv.march(hv.Evolution(problem), until=1.0, step=0.5)
     y = problem.mesh.points[:, 1]
     assert history.frames[-1].displacement[:, 1] == pytest.approx(-0.02 * y, abs=1e-12)
-    moved = column(2, RigidPlate(y="-0.02*t", turn_z=0.0))
+    moved = plated_column(2, RigidPlate(y="-0.02*t", turn_z=0.0))
     history = hv.march(hv.Evolution(moved), until=1.0, step=0.5)
     assert history.frames[-1].displacement[:, 1] == pytest.approx(-0.02 * y, abs=1e-12)
     for plate in (RigidPlate(force=(0.0, -0.4)), RigidPlate(y=-0.02, turn_z=0.0)):
-        half = LoadLine.of(column(2, plate)).at(0.5)
+        half = LoadLine.of(plated_column(2, plate)).at(0.5)
         assert hv.solve(half).displacement[:, 1] == pytest.approx(-0.01 * y, abs=1e-12)
-    loaded = replace(column(2, RigidPlate(force=(0.0, -0.4))), body_force=(0.0, -0.2))
+    loaded = replace(plated_column(2, RigidPlate(force=(0.0, -0.4))), body_force=(0.0, -0.2))
     other = replace(loaded, supports={**loaded.supports, "top": RigidPlate()})
     alone = {"top": hv.solve(replace(loaded, body_force=0.0)).displacement, "body": hv.solve(other).displacement}
     for constant, grows in (("top", "body"), ("body", "top")):
@@ -245,10 +245,10 @@ def test_a_nonlinear_body_under_a_plate() -> None:
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: column(2, RigidPlate(z=0.0)), "z, which such a body does not have; give x, y, turn_z"),
-        (lambda: column(2, RigidPlate(force=(0.0, 0.0, 1.0))), r"force has shape \(3,\); it needs 2 components"),
-        (lambda: column(3, RigidPlate(moment=1.0)), "it needs 3 components"),
-        (lambda: column(2, RigidPlate(about=(0.0, 0.0, 0.0))), "about has 3 coordinates, the mesh has 2"),
+        (lambda: plated_column(2, RigidPlate(z=0.0)), "z, which such a body does not have; give x, y, turn_z"),
+        (lambda: plated_column(2, RigidPlate(force=(0.0, 0.0, 1.0))), r"force has shape \(3,\); it needs 2 components"),
+        (lambda: plated_column(3, RigidPlate(moment=1.0)), "it needs 3 components"),
+        (lambda: plated_column(2, RigidPlate(about=(0.0, 0.0, 0.0))), "about has 3 coordinates, the mesh has 2"),
         (lambda: hv.ContactProblem(hv.rectangle((1.0, 1.0), 2), STEEL, {"top": hv.Contact(Signorini())},
                                    {"top": RigidPlate()}), "is a rigid plate"),
         (lambda: hv.discretize(hv.ContactProblem(hv.rectangle((1.0, 1.0), 2), STEEL, {},

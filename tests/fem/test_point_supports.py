@@ -34,7 +34,7 @@ def free_body(dim: int, order: int = 1) -> hv.ContactProblem:
     return hv.ContactProblem(mesh, STEEL, tractions=loads, order=order, initial_strain="0.01*x^2 + 0.02*y^2")
 
 
-def turned(supports: dict[str, hv.Fixed], mesh: Mesh, dim: int) -> dict[str, hv.Fixed]:
+def turned_supports(supports: dict[str, hv.Fixed], mesh: Mesh, dim: int) -> dict[str, hv.Fixed]:
     """Another minimal support: at the images of its points under the reflection of the box."""
     centre = mesh.points.min(axis=0) + mesh.points.max(axis=0)
     return {name: replace(one, at=centre - np.array(one.at)) for name, one in supports.items()}
@@ -45,7 +45,7 @@ def test_the_stress_of_a_free_body_does_not_depend_on_how_it_is_held(dim: int, o
     body = free_body(dim, order)
     supports = minimal_support(body.mesh)
     assert sum(len([c for c in (one.x, one.y, one.z) if c is not None]) for one in supports.values()) == 3 * (dim - 1)
-    one, other = (hv.solve(replace(body, supports=s)) for s in (supports, turned(supports, body.mesh, dim)))
+    one, other = (hv.solve(replace(body, supports=s)) for s in (supports, turned_supports(supports, body.mesh, dim)))
     size = np.abs(one.stress()).max()
     assert one.stress() == pytest.approx(other.stress(), abs=1e-9 * size)
     assert np.abs(one.displacement - other.displacement).max() > 0.01

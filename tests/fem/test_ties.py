@@ -18,7 +18,7 @@ STEEL = hv.Material.young(10.0, 0.3)
 JOINT = {"upper:bottom": hv.Contact(Tie(), against="lower:top")}
 
 
-def halves(dim: int, fine: int = 3, coarse: int = 2) -> Mesh:
+def tied_halves(dim: int, fine: int = 3, coarse: int = 2) -> Mesh:
     """A cube of two parts, one on the other."""
     if dim == 2:
         upper, lower = hv.rectangle((1.0, 0.5), (fine, 2), origin=(0.0, 0.5)), hv.rectangle((1.0, 0.5), (coarse, 1))
@@ -31,7 +31,7 @@ def halves(dim: int, fine: int = 3, coarse: int = 2) -> Mesh:
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), (3, 2)])
 def test_a_linear_displacement_passes_a_tie(dim: int, order: int) -> None:
     """Prescribed at the outer ends alone, with traction on the sides of the same constant stress."""
-    mesh = halves(dim)
+    mesh = tied_halves(dim)
     gradient = 0.01 * np.arange(1.0, dim * dim + 1.0).reshape(dim, dim)
 
     def move(x: np.ndarray) -> np.ndarray:
@@ -53,7 +53,7 @@ def test_a_linear_displacement_passes_a_tie(dim: int, order: int) -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_joined_body_is_that_of_one_piece(dim: int) -> None:
-    mesh = halves(dim, 2, 2)
+    mesh = tied_halves(dim, 2, 2)
     if dim == 2:
         mesh = Mesh.assembled({
             "upper": hv.rectangle((1.0, 0.5), (2, 1), origin=(0.0, 0.5)), "lower": hv.rectangle((1.0, 0.5), (2, 1)),
@@ -75,7 +75,7 @@ def test_a_joined_body_is_that_of_one_piece(dim: int) -> None:
 
 def test_a_tie_is_a_bilateral_joint_that_cannot_slip() -> None:
     """Against a stiff independent law: what glue of ever greater stiffness tends to."""
-    mesh, load = halves(2), {"upper:right": (0.3, -0.2)}
+    mesh, load = tied_halves(2), {"upper:right": (0.3, -0.2)}
     supports = {"lower:bottom": hv.Clamped()}
     tied = hv.solve(hv.ContactProblem(mesh, STEEL, JOINT, supports, tractions=load)).displacement
     slips = []
@@ -90,7 +90,7 @@ def test_a_tie_is_a_bilateral_joint_that_cannot_slip() -> None:
 
 
 def test_tied_bodies_that_nothing_holds_move_as_one() -> None:
-    mesh = halves(2)
+    mesh = tied_halves(2)
     loads = {"upper:top": (0.0, 1.0), "lower:bottom": (0.0, -1.0)}
     free = hv.ContactProblem(mesh, STEEL, JOINT, tractions=loads)
     assert hv.discretize(free, check_coercivity=False).model.free_motions.count == 3
@@ -105,7 +105,7 @@ def test_tied_bodies_that_nothing_holds_move_as_one() -> None:
 
 def test_prescribed_sides_are_followed() -> None:
     """The master is turned by its support: the other body, held nowhere else, turns with it."""
-    mesh = halves(2)
+    mesh = tied_halves(2)
     turned = hv.Prescribed(lambda x: 0.01 * np.column_stack([-x[:, 1], x[:, 0]]))
     joint = {"upper:bottom": replace(JOINT["upper:bottom"], slave="upper:bottom")}
     ends = {"lower:top": turned, "lower:bottom": turned}
@@ -122,7 +122,7 @@ def test_contact_beside_a_tie(slave: str) -> None:
     joint = {"upper:bottom": replace(JOINT["upper:bottom"], slave=slave)}
     walls = {name: hv.Contact(Signorini(), hv.Tresca(0.05)) for name in ("upper:right", "lower:right")}
     problem = hv.ContactProblem(
-        halves(2), STEEL, joint | walls, {"lower:bottom": hv.Clamped()}, tractions={"upper:left": (0.5, 0.0)}
+        tied_halves(2), STEEL, joint | walls, {"lower:bottom": hv.Clamped()}, tractions={"upper:left": (0.5, 0.0)}
     )
     solution = hv.solve(problem)
     assert solution.status.value == "converged"
@@ -143,7 +143,7 @@ def test_levels_of_multigrid_are_tied() -> None:
 
 def test_a_tie_in_time_and_of_bodies_of_revolution() -> None:
     """A tied disc pressed uniformly, its lower side moved by its support: a shear-free column of Poisson's ratio 0."""
-    mesh = halves(2)
+    mesh = tied_halves(2)
     steel = hv.Material.young(10.0, 0.0, plane="axisymmetric")
     moved = {"lower:bottom": hv.Fixed(y="0.01*t")}
     problem = hv.ContactProblem(mesh, steel, JOINT, moved, tractions={"upper:top": (0.0, "-0.1*t")})
@@ -152,7 +152,7 @@ def test_a_tie_in_time_and_of_bodies_of_revolution() -> None:
 
 
 def test_a_moved_master_is_followed_in_time() -> None:
-    mesh = halves(2)
+    mesh = tied_halves(2)
     turned = hv.Prescribed(lambda x, t: 0.01 * t * np.column_stack([-x[:, 1], x[:, 0]]))
     joint = {"upper:bottom": replace(JOINT["upper:bottom"], slave="upper:bottom")}
     problem = hv.ContactProblem(mesh, STEEL, joint, {"lower:top": turned, "lower:bottom": turned})
@@ -161,7 +161,7 @@ def test_a_moved_master_is_followed_in_time() -> None:
 
 
 def test_a_nonlinear_body_passes_the_patch_test() -> None:
-    mesh = halves(2)
+    mesh = tied_halves(2)
     hencky = hv.Material.hencky(bulk=20.0, shear=10.0, softened=0.25, strain=0.01)
     walls = {f"{part}:{side}": hv.Roller() for part in ("upper", "lower") for side in ("left", "right")}
     ends = {"lower:bottom": hv.Roller(), "upper:top": hv.Fixed(y=-0.01)}
@@ -186,7 +186,7 @@ def test_three_bodies_hang_together() -> None:
 def test_heat_that_would_not_pass_a_tie_is_refused() -> None:
     warm = hv.mechanics.Heat(conductivity=1.0, capacity=1.0)
     with pytest.raises(ProblemError, match="no heat passes it"):
-        hv.Evolution(hv.ContactProblem(halves(2), STEEL, JOINT, {"lower:bottom": hv.Clamped()}), heat=warm)
+        hv.Evolution(hv.ContactProblem(tied_halves(2), STEEL, JOINT, {"lower:bottom": hv.Clamped()}), heat=warm)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_heat_that_would_not_pass_a_tie_is_refused() -> None:
         (lambda: hv.Contact(Tie(), hv.Tresca(1.0), against="a"), "a tie takes no friction"),
         (lambda: hv.Contact(Tie(), against="a", gap=0.1), "a tie takes no gap"),
         (
-            lambda: hv.ContactProblem(halves(2), STEEL, {"upper:bottom": hv.Contact(Tie(), against="top")}),
+            lambda: hv.ContactProblem(tied_halves(2), STEEL, {"upper:bottom": hv.Contact(Tie(), against="top")}),
             "names boundary",
         ),
     ],

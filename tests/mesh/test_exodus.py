@@ -34,7 +34,7 @@ SIDES = {
 }
 
 
-def places(mesh: Mesh, name: str) -> set[tuple[float, ...]]:
+def places_in_file(mesh: Mesh, name: str) -> set[tuple[float, ...]]:
     return {tuple(point) for point in mesh.points[mesh.boundaries[name]].reshape(-1, mesh.dim).tolist()}
 
 
@@ -52,7 +52,7 @@ def test_sides_of_elements_are_numbered_as_in_the_manual(kind: str, shape: str, 
     write_exodus(path, points, [(kind, "body", nodes)], sets, how=how)
     mesh = read_mesh(path)
     for number, side in enumerate(SIDES[shape], start=1):
-        assert places(mesh, f"side {number}") == {tuple(points[int(node) - 1].tolist()) for node in side}
+        assert places_in_file(mesh, f"side {number}") == {tuple(points[int(node) - 1].tolist()) for node in side}
     assert sum(length(mesh, name) for name in mesh.boundaries) == pytest.approx(
         mesh.facet_normals(mesh.boundary_facets)[1].sum()
     )
@@ -120,7 +120,7 @@ def test_a_plate_of_shells_in_a_plane(tmp_path: Path) -> None:
     path, points = tmp_path / "plate.e", [(x, y, 0.0) for x, y in CORNERS["quad"]]
     write_exodus(path, points, [("SHELL4", "plate", [[1, 2, 3, 4]])], [("edge", [1], [3]), ("face", [1], [1])])
     mesh = read_mesh(path)
-    assert places(mesh, "edge") == {(0.0, 0.0), (1.0, 0.0)}
+    assert places_in_file(mesh, "edge") == {(0.0, 0.0), (1.0, 0.0)}
     assert set(mesh.boundaries) == {"edge"}
 
 
