@@ -141,7 +141,7 @@ def test_derivatives_are_those_of_differences_of_solves(name: str) -> None:
         assert not derivatives.kinks.size
         assert derivatives.value == pytest.approx(number_of(problem, quantity), abs=1e-12)
         for key, (at, made) in _parameters(problem, parameters).items():
-            step = 1e-5 * abs(at)
+            step = 1e-5 * (abs(at) or 1.0)
             expected = (number_of(made(at + step), quantity) - number_of(made(at - step), quantity)) / (2.0 * step)
             assert derivatives[key] == pytest.approx(expected, rel=1e-6, abs=1e-8), (quantity, key)
 

@@ -373,6 +373,8 @@ class PiecewiseLaw(Superpotential):
         return " + ".join(f"({text})" for text in known if text != "0") or "0"
 
     def debonding(self, r: Array) -> dict[str, Array]:
+        if not self.apart:
+            return {}
         r = np.broadcast_to(np.asarray(r, dtype=float), (self.rows,))
         return gathered_debonding([law.debonding(r[i]) for law, i in self.parts], [i for _, i in self.parts])
 
