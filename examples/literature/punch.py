@@ -2,7 +2,7 @@
 
 Bodies of revolution: a punch of the radius 50 mm and height 100 mm, its lower edge rounded by 10 mm, E = 210000, on
 a cylinder of the radius 100 mm and height 200 mm, E = 70000, both nu = 0.3. The top of the punch bears 100 MPa, the
-base is held. Printed are means of several codes, on the axis.
+base is held. Printed are middles of the ranges that several codes printed, on the axis.
 """
 
 import numpy as np

@@ -16,7 +16,7 @@ SOURCE = "collocation of the coupled integral equations"
 PRINTED = {"nu = 0.3, friction 0.3": 0.6901, "nu = 0, friction 0.5": 0.5216}
 REASON = "a body of 200 half widths (fine: 1000), and the middle between two points"
 WITHIN = 0.03
-BLOCK = runpy.run_path(str(Path(__file__).with_name("indenters.py")))["block"]
+BLOCK = runpy.run_path(str(Path(__file__).with_name("sphere_and_punch.py")))["block"]
 
 
 def sticking(n: int, size: float, poisson: float, friction: float) -> float:

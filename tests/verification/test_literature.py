@@ -18,13 +18,13 @@ LONG = {
     "bouncing_bar",
     "brazilian_disc",
     "cantilever_on_glue",
-    "double_cantilever",
+    "alfano_crisfield",
     "equal_cylinders",
-    "indenters",
+    "sphere_and_punch",
     "punch_with_friction",
     "softening_jumps",
-    "stick_slip",
-    "sticky_sphere",
+    "stick_slip_on_a_belt",
+    "johnson_kendall_roberts",
     "velocity_step",
 }
 PAGE = (FOLDER.parents[1] / "docs" / "evidence.md").read_text(encoding="utf-8")
