@@ -43,7 +43,7 @@ def test_a_certificate_holds_the_distance_where_it_is_asked_for(
     record = certificate.record()["exact"]
     assert record["bound"] == found.bound
     assert record["reasons"] == []
-    assert "(guaranteed)" in certificate._repr_html_()
+    assert "guaranteed up to rounding and quadrature" in certificate._repr_html_()
 
 
 def test_any_displacement_is_bounded(solution: hv.Solution, workspace: hv.systems.Workspace) -> None:
