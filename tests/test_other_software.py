@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import hemivar as hv
@@ -45,6 +46,27 @@ def test_code_for_another_code(
     ).raise_for_status()
     assert names["solution"].energy == pytest.approx(own.energy, rel=tolerance)
     assert names["solution"].normal_force == pytest.approx(own.normal_force, rel=tolerance)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("module", "slope"), [("torch", "gap.grad.numpy()"), ("jax", "np.asarray(slope)")])
+def test_automatic_differentiation_goes_through_contact(module: str, slope: str) -> None:
+    """The gradient of the sum of squares of the pressures, against differences."""
+    page = (PAGE.parent / "identification.md").read_text(encoding="utf-8").split("\n## Sensitivities\n")[1]
+    blocks = re.findall(r"^```(python|py)\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    stated, torch, jax = blocks[0][1], *(code for kind, code in blocks if kind == "py")
+    pytest.importorskip(module)
+    if module == "jax":  # by_gaps stands in the block of torch
+        torch = torch[torch.index("def by_gaps") : torch.index("class Pressures")] + jax
+    names: dict[str, Any] = {}
+    exec(compile(stated + torch, module, "exec"), names)
+
+    def squares(gap: Any) -> float:
+        return float((hv.solve(names["pressed"](gap)).pressure ** 2).sum())
+
+    unit = np.eye(names["knots"].size)
+    expected = [(squares(1e-7 * one) - squares(-1e-7 * one)) / 2e-7 for one in unit]
+    np.testing.assert_allclose(eval(slope, names), expected, rtol=1e-5, atol=1e-4)
 
 
 def test_the_code_stands_on_the_page() -> None:
