@@ -27,7 +27,7 @@ LINES: dict[str, int] = {
     "gallery": 1367,
     "identification": 1207,  # sensitivities by the adjoint
     "kernels": 420,
-    "laws": 10569,  # memories and laws named beside their classes; the record of a constant
+    "laws": 10571,  # rock joints, bolts, friction of the slip rate
     "linear": 1954,  # factors without copies; patterns kept for pairs
     "mechanics": 4770,  # load steps, springs, points, rigid plates, minimal supports
     "mesh": 4778,  # Exodus; coordinate systems of Nastran; entities of Gmsh; mirrored parts
