@@ -54,6 +54,26 @@ def dragged_cube() -> hv.ContactProblem:
     )  # fmt: skip
 
 
+def plated_block() -> hv.ContactProblem:
+    """Under a rigid plate, between rollers that hold the ends of its contact along the foundation."""
+    plate = hv.mechanics.RigidPlate(force=(0.0, -1.0), moment=0.1)
+    return dragged_strip(hv.Compliance(30.0), hv.Tresca(0.1), supports={"left": "roller", "top": plate}, tractions={})
+
+
+def tied_blocks() -> hv.ContactProblem:
+    upper, lower = hv.rectangle((2.0, 1.0), (5, 4), origin=(0.0, 1.0)), hv.rectangle((2.0, 1.0), (8, 4))
+    return hv.ContactProblem(
+        hv.Mesh.assembled({"upper": upper, "lower": lower}),
+        hv.Material.young(20.0, 0.3),
+        contact={
+            "upper:bottom": hv.Contact(hv.laws.Tie(), against="lower:top"),
+            "lower:bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.3)),
+        },
+        supports={"upper:left": "roller"},
+        tractions={"upper:top": (0.05, -1.0)},
+    )
+
+
 GAP, E, FORCE = "contact.bottom.gap", "material.E", "tractions.top.1"
 FORCES = ["normal-force", "max-pressure", "max-penetration", "support.left.force.y", "displacement.5.x"]
 CASES: dict[str, tuple[Callable[[], hv.ContactProblem], list[str], list[str]]] = {
@@ -121,8 +141,28 @@ CASES: dict[str, tuple[Callable[[], hv.ContactProblem], list[str], list[str]]] =
         [GAP, "contact.bottom.friction.bound", FORCE],
         ["normal-force", "max-pressure", "energy", "support.left.force.y"],
     ),
+    "plate": (
+        plated_block,
+        [E, "contact.bottom.normal.stiffness", "supports.top.force.1"],
+        ["max-pressure", "energy", "displacement.20.y"],
+    ),
+    "tie": (
+        tied_blocks,
+        [E, "contact.lower:bottom.friction.bound.coefficient"],
+        ["max-pressure", "contact.lower:bottom.force.x"],
+    ),
+    "sprung": (
+        lambda: dragged_strip(hv.Compliance(30.0), supports={"left": hv.mechanics.Spring(50.0, 20.0)}),
+        ["supports.left.normal", GAP],
+        ["normal-force", "displacement.20.x", "energy"],
+    ),
+    "strained": (
+        lambda: dragged_strip(hv.Signorini(), hv.Tresca(0.1), initial_strain=0.01),
+        ["initial_strain", E],
+        ["normal-force", "max-pressure", "energy"],
+    ),
 }
-QUICK = ("rigid", "coulomb", "glue", "ring")
+QUICK = ("rigid", "coulomb", "glue", "ring", "plate")
 
 
 def number_of(problem: hv.ContactProblem, quantity: str) -> float:
@@ -224,6 +264,11 @@ def test_a_fold_is_told() -> None:
 def test_what_makes_no_sense_is_refused(quantity: str, parameters: list[str], match: str) -> None:
     with pytest.raises(ProblemError, match=match):
         sensitivity(hv.solve(dragged_strip(hv.Compliance(30.0))), quantity, parameters)
+
+
+def test_the_force_of_a_support_beside_a_tie_is_refused() -> None:
+    with pytest.raises(ProblemError, match="beside ties and plates"):
+        sensitivity(hv.solve(tied_blocks()), "support.upper:left.force.x", [E])
 
 
 def test_energy_under_coulombs_law_is_refused() -> None:

@@ -19,7 +19,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.arguments import described, expect, number, suggest
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_keywords
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
@@ -229,6 +229,12 @@ class _Equations:
         return max(float(np.abs(part).max(initial=0.0)) for part in parts) or 1.0
 
     @cached_property
+    def _still(self) -> BoolArray:
+        """Components that supports hold where the law holds them as well, bool (m, c)."""
+        held = np.asarray(np.diff(self.problem.contact.trace.indptr) == 0).reshape(self.r.shape)
+        return np.asarray(held & ~self.slopes.any(axis=2))
+
+    @cached_property
     def slopes(self) -> Array:
         """How the displacement on the graph follows its place, (m, c, c)."""
         return self.chart(self.problem.law).at(self.p).jacobian
@@ -243,7 +249,9 @@ class _Equations:
         scale = sp.diags_array(wide.ravel())
         pressed = contact.trace.T @ sp.diags_array(np.repeat(contact.weights, c) * wide.ravel())
         along = (sp.eye_array(m * c) - own @ scale) @ contact.trace
-        return sp.csc_array(sp.block_array([[self.problem.bulk.hessian(self.u), pressed], [along, -own @ scale]]))
+        still = sp.diags_array(self._still.ravel().astype(float))  # whatever the force is there, it stays
+        whole = [[self.problem.bulk.hessian(self.u), pressed], [along - still @ along, -own @ scale - still]]
+        return sp.csc_array(sp.block_array(whole))
 
     def factor(self, slopes: Array) -> spla.SuperLU:
         """The factors of :meth:`matrix`."""
@@ -282,7 +290,7 @@ class _Equations:
             if other.unknowns != self.u.size or other.contact.shape != self.r.shape:
                 raise ProblemError("a parameter changes the number of unknowns; give one that leaves the mesh as it is")
             forces = other.bulk.gradient(self.u) - other.load + other.contact.force(self.lam)
-            places = other.local(self.u) - self.chart(other.law).at(self._place(other)).r
+            places = np.where(self._still, 0.0, other.local(self.u) - self.chart(other.law).at(self._place(other)).r)
             ends.append((forces, places, values.at(other)))
         return _Change(*((one - two) / (2.0 * step) for one, two in zip(*ends, strict=True)))
 
@@ -429,6 +437,10 @@ def _quantity(equations: _Equations, quantity: str | tuple[Array, Array]) -> _Va
         if kind == "contact" and boundary != name and boundary in equations.solution.contact_forces:
             return _contact_force(equations, nothing, boundary, axis)
         if kind == "support" and boundary != name and boundary in stated_supports(equations.stated).names:
+            if field_.followers is not None:
+                raise ProblemError(
+                    "the force of a support has no derivative here beside ties and plates; take that of a contact"
+                )
             return _support_force(equations, nothing, boundary, axis)
     raise ProblemError(
         f"quantity '{quantity}' is not known; give energy, normal-force, max-pressure, max-penetration, "
