@@ -52,4 +52,6 @@ def test_its_potential_is_the_integral_of_its_pressure() -> None:
 
 
 def test_nothing_closes_it_further_than_its_closure() -> None:
-    assert np.isposinf(BartonBandis(1.0, 0.5).value(np.array([0.5, 0.6]))).all()
+    law = BartonBandis(1.0, 0.5)
+    assert np.isposinf(law.value(np.array([0.5, 0.6]))).all()
+    assert law.local_argmin(np.array([1.0]), np.array([1e30])).item() < 0.5

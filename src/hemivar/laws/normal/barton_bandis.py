@@ -16,6 +16,9 @@ from hemivar.laws.superpotential import Interval
 
 __all__ = ["BartonBandis"]
 
+#: Part of the largest closure from which on the joint is rigid: there the pressure is 1e4 times stiffness x closure.
+_FULL = 1.0 - 1e-4
+
 
 @named(
     LawKind.NORMAL,
@@ -27,7 +30,8 @@ __all__ = ["BartonBandis"]
 class BartonBandis(ParameterLaw):
     """Barton and Bandis: a joint closes under pressure and stiffens, and never closes by more than ``closure``.
 
-    The pressure is ``stiffness r / (1 - r/closure)`` for a closure r > 0, and none where the joint is open
+    The pressure is ``stiffness r / (1 - r/closure)`` for a closure r > 0, and none where the joint is open. From ten
+    thousand times ``stiffness closure`` on the joint is rigid
     (S. C. Bandis, A. C. Lumsden, N. R. Barton, Fundamentals of rock joint deformation, 1983).
 
     Parameters
@@ -57,31 +61,27 @@ class BartonBandis(ParameterLaw):
 
     @property
     def knots(self) -> Array:
-        return columns(0.0, self._resolved[1])
+        return columns(0.0, _FULL * self._resolved[1])
 
     @property
     def domain(self) -> Interval:
-        return Interval(np.array([-np.inf]), self._resolved[1])
+        return Interval(np.array([-np.inf]), _FULL * self._resolved[1])
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
         stiffness, closure = self._resolved
-        part = self._part(r)
-        with np.errstate(divide="ignore"):
-            return np.where(piece > 0, -stiffness * closure**2 * _sum_with_log(part), 0.0)
+        return np.where(piece > 0, -stiffness * closure**2 * _sum_with_log(self._part(r)), 0.0)
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
         stiffness, closure = self._resolved
         part = self._part(r)
-        with np.errstate(divide="ignore"):
-            return np.where(piece > 0, stiffness * closure * part / (1.0 - part), 0.0)
+        return np.where(piece > 0, stiffness * closure * part / (1.0 - part), 0.0)
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        with np.errstate(divide="ignore"):
-            return np.where(piece > 0, self._resolved[0] / (1.0 - self._part(r)) ** 2, 0.0)
+        return np.where(piece > 0, self._resolved[0] / (1.0 - self._part(r)) ** 2, 0.0)
 
     def _part(self, r: Array) -> Array:
         """Which part of the largest closure is used up."""
-        return np.clip(r / self._resolved[1], 0.0, 1.0)
+        return np.clip(r / self._resolved[1], 0.0, _FULL)
 
     def stationary_point(
         self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
