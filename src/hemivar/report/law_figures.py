@@ -46,6 +46,10 @@ __all__ = [
 ]
 
 
+#: Rise of a force over the last tenth of a piece, from which on that tenth is left out: the rest could not be seen.
+_POLE = 20.0
+
+
 @expecting(law=Superpotential, point=int, reach=positive, title=str, unit=str, stress_unit=str)
 def plot_law(
     law: Superpotential,
@@ -169,8 +173,9 @@ def draw_graph(panel: Axes, law: Superpotential, description: LawDescription, re
     highest = 0.0
     for r in _pieces(description, reach):
         slope = law.derivative(r)
-        if np.isinf(law.derivative(np.array([r[-1] + 1e-3 * (r[-1] - r[0])]))).any():  # no end: most of it is drawn
-            r, slope = (values[: int(0.9 * len(r))] for values in (r, slope))
+        most = int(0.9 * len(r))
+        if len(r) > 1 and abs(slope[-1]) > _POLE * abs(slope[most]):  # as a joint that closes: most of it is drawn
+            r, slope = r[:most], slope[:most]
         highest = max(highest, float(np.abs(slope).max()))
         panel.plot(r, slope, color=BLUE, lw=1.5)
     ends = (abs(s) for kink in description.kinks for s in (kink.left, kink.right) if math.isfinite(s))
@@ -179,6 +184,8 @@ def draw_graph(panel: Axes, law: Superpotential, description: LawDescription, re
         if not low <= kink.place <= high:
             continue
         bottom, top = sorted((kink.left, kink.right))
+        if bottom > 1.5 * highest:
+            continue
         bottom, top = max(bottom, -1.5 * highest), min(top, 1.5 * highest)
         falls = kink.jump < 0.0
         panel.plot(

@@ -16,8 +16,8 @@ from hemivar.laws.superpotential import Interval
 
 __all__ = ["BartonBandis"]
 
-#: Part of the largest closure from which on the joint is rigid: there the pressure is 1e4 times stiffness x closure.
-_FULL = 1.0 - 1e-4
+#: Part of the largest closure from which on the joint is rigid: there the pressure is 1e3 times stiffness x closure.
+_FULL = 1.0 - 1e-3
 
 
 @named(
@@ -30,7 +30,7 @@ _FULL = 1.0 - 1e-4
 class BartonBandis(ParameterLaw):
     """Barton and Bandis: a joint closes under pressure and stiffens, and never closes by more than ``closure``.
 
-    The pressure is ``stiffness r / (1 - r/closure)`` for a closure r > 0, and none where the joint is open. From ten
+    The pressure is ``stiffness r / (1 - r/closure)`` for a closure r > 0, and none where the joint is open. From a
     thousand times ``stiffness closure`` on the joint is rigid
     (S. C. Bandis, A. C. Lumsden, N. R. Barton, Fundamentals of rock joint deformation, 1983).
 
