@@ -115,6 +115,7 @@ def examples() -> dict[str, list[object]]:
         hv.Softening(1.0, 2.0, 3.0),
         hv.laws.Capped(1.0, 2.0, 0.5),
         hv.laws.FinitePenetration(1.0, 2.0),
+        hv.laws.BartonBandis(1.0, 2.0),
         hv.Adhesive(1.0, 2.0, 0.1),
         plane_law,
         hv.laws.Layered([1.0], [2.0]),

@@ -15,7 +15,7 @@ from hemivar.certificates.by_multigrid import SolveByCycles, Subspace
 from hemivar.certificates.kind import study
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.bulk import Quadratic
-from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, scalar_graph
+from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca, minimisers
 from hemivar.linear.vectors import Vectors
 from hemivar.solvers import Solution
 from tests.certificates.problems import bar_problem, bar_unknowns, survey_softening, weakening
@@ -226,7 +226,7 @@ def test_the_best_knot_does_not_depend_on_how_many_are_looked_at_in_one_go(
     one = ContactLaw(law)
     r, lam, tau = rng.uniform(-1.0, 1.0, (30, 1)), rng.normal(size=(30, 1)), np.full((30, 2), 0.3)
     whole = one.fitted(r, lam, tau)
-    monkeypatch.setattr(scalar_graph, "CACHED", pairs)
+    monkeypatch.setattr(minimisers, "CACHED", pairs)
     np.testing.assert_array_equal(one.fitted(r, lam, tau), whole)
 
 

@@ -128,7 +128,7 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
     ),
     "missing normal law": (
         changed(('normal = { law = "survey", q_max = 0.3, p_const = 2.0 }\n', "")),
-        ["[contact.bottom] normal", "is missing", "adhesive, bilateral"],
+        ["[contact.bottom] normal", "is missing", "adhesive, barton-bandis"],
     ),
     "law without a name": (
         changed(('law = "tresca", ', "")),
@@ -880,9 +880,10 @@ def test_the_picture_tells_the_kind_that_was_certified(folder: Path, capsys: pyt
 
 @pytest.mark.parametrize("command", ["solve", "march", "sweep"])
 def test_commands_say_how_a_mesh_file_was_read(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Cells that were split, and groups that were not taken; in one line each."""
+    monkeypatch.chdir(tmp_path)
     lines = [f'{dim} {number} "{name}"' for dim, number, name in ((1, 1, "left"), (1, 2, "bottom"), (0, 3, "corner"))]
     (tmp_path / "part.msh").write_text(gmsh(SQUARE, [*LINES, "15 2 3 1 2", "3 2 4 3 1 2 3 4"], lines))
     path = tmp_path / "part.toml"

@@ -10,7 +10,10 @@ from typer.main import get_command
 from hemivar.cli.app import app
 
 #: Options that draw, write or set what each command is about: the words with which their help begins.
-_OF_THE_COMMAND = {"--plot": "Draw ", "--output": "Write ", "--set": "Set ", "--load-factor": "Factor of "}
+_OF_THE_COMMAND = {
+    "--plot": "Draw ", "--output": "Write ", "--set": "Set ", "--load-factor": "Factor of ", "--columns": "Columns",
+    "--csv": "Write the ",
+}  # fmt: skip
 #: Options whose values differ in form: a sweep sets ranges, and names of folders and of films are paths.
 _OTHER_VALUES = {"--set", "--output", "--load-factor"}
 #: Options that take one number for one load, and a range of it for a path.

@@ -213,6 +213,8 @@ def test_arguments_that_make_no_sense() -> None:
 def test_a_point_keeps_every_bit_in_its_line() -> None:
     point = SweepPoint((3, 1), -math.inf, (0.1 + 0.2, -1e-300), ("saddle", ""), (1 / 3, 2.0), (0.0, -0.0), True, "é")
     assert SweepPoint.of_line(point.line()) == point
+    before = {key: value for key, value in json.loads(point.line()).items() if key != "numbers"}
+    assert SweepPoint.of_line(json.dumps(before)) == point  # of a version whose points had no numbers
     assert json.loads(point.line())["margin"] == "-inf"
     assert math.isnan(SweepPoint.of_line(SweepPoint((0,)).line()).margin)
 

@@ -459,16 +459,12 @@ class Follower:
         self, theta: Array, t: float, border: Array, segment: AnyArray, steps: int
     ) -> tuple[Array, float, int] | None:
         """Newton's method on the plane through a point that is normal to ``border``; and the number of its steps."""
-        last, bordered = np.inf, None
+        last = np.inf
         for step in range(1, steps + 1):
             with np.errstate(over="ignore", invalid="ignore"):  # far beyond the ends of a segment, where it is lost
                 chain, force, rate = self.body_at(theta, t)
-                if bordered is None:
-                    F, J = chain.balance(theta, segment, force)
-                    bordered = _Bordered.of(J, chain.moving(theta, segment), -rate / self.load_unit, border)
-                    again = bordered
-                else:
-                    F, again = chain.out_of_balance(theta, segment, force), None
+                F, J = chain.balance(theta, segment, force)
+            bordered = _Bordered.of(J, chain.moving(theta, segment), -rate / self.load_unit, border)
             try:
                 change, _ = bordered.solve(-F, 0.0)
             except np.linalg.LinAlgError:
@@ -482,7 +478,7 @@ class Follower:
                 return theta, t, step
             if size <= COUNTS and chain.rounds(F, before, segment, force):
                 return theta, t, step
-            last, bordered = size, again if size <= _SAME else None  # one stiffness is good for one more small step
+            last = size
         return None
 
     def whole(self, step: _Step) -> list[_Cut]:

@@ -111,7 +111,7 @@ Jobs = Annotated[int, option("Number of processes that work at once.", of="N", l
 Json = Annotated[File, written("Write the results as JSON.", "FILE.json")]
 Columns = Annotated[
     str | None,
-    option("Numbers of each solution: max-pressure,max-stress,support.bolt.force ...", of="NAME,NAME"),
+    option("Columns, numbers of each solution: max-pressure,max-stress,support.bolt.force ...", of="A,B,..."),
 ]
 Csv = Annotated[File, written("Write the table as CSV.", "FILE.csv")]
 Latex = Annotated[File, written("Write the table for LaTeX.", "FILE.tex")]

@@ -304,8 +304,7 @@ class History(PickleMixin, ReprMixin):
         )
 
     def write(self, path: str | Path) -> tuple[Path, ...]:
-        """Write ``.pvd`` (frames), ``.csv``, ``.parquet`` or ``.json`` (table), see
-        :func:`hemivar.files.history_table.write_history`; returns the files."""
+        """Write ``.pvd`` (frames), ``.csv``, ``.parquet`` or ``.json`` (table); returns the files."""
         written: tuple[Path, ...] = above("History.write")(self, path)
         return written
 

@@ -77,7 +77,10 @@ class SweepPoint:
         ValueError, KeyError, TypeError
             It is no such line.
         """
-        point = decoded(SweepPoint, json.loads(text), [])
+        data = json.loads(text)
+        if isinstance(data, dict):
+            data.setdefault("numbers", [])  # lines that were written before points had them
+        point = decoded(SweepPoint, data, [])
         if any(index < 0 for index in point.place):
             raise ValueError("the place is not a list of whole numbers")
         if len({len(getattr(point, name)) for name in (*_OF_SOLUTIONS, "kinds")}) > 1:

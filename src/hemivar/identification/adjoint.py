@@ -16,7 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from hemivar.basics.arguments import described, expect, number, suggest
+from hemivar.basics.arguments import described, expect, number, quoted, suggest
+from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.known_keywords import known_keywords
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -126,6 +127,11 @@ def sensitivity(
         derivative.
     """
     expect(solution, Solution, "solution", "give what hemivar.solve returned")
+    if not 0.0 <= number(near, "near") < 1.0:
+        raise ProblemError(f"near = {near:g}; give a part of the largest force, from 0 to 1")
+    if direction is not None:
+        expect(direction, Mapping, "direction", "give changes by parameter, such as {'material.E': 1.0}")
+        direction = {name: number(by, f"the change of '{name}'") for name, by in direction.items()}
     equations = _Equations.of(solution)
     given = _parameters(equations.stated, parameters)
     values = _quantity(equations, quantity)
@@ -133,7 +139,9 @@ def sensitivity(
     kinks, derivatives, sides = equations.near_kinks(near), dict[str, float](), dict[str, tuple[float, float]]()
     for name in direction or ():
         if name not in given:
-            raise ProblemError(f"direction names '{name}', which is none of the parameters{suggest(name, list(given))}")
+            raise ProblemError(
+                f"direction names {quoted(name)}, which is none of the parameters{suggest(name, list(given))}"
+            )
     changes = {name: equations.changed_by(one, values) for name, one in given.items()}
     for name, change in changes.items():
         slope = change.quantity - float(adjoint_u @ change.forces + (adjoint_r * change.places).sum())
@@ -345,8 +353,13 @@ def _fold() -> ProblemError:
 
 def _parameters(stated: ContactProblem, given: Sequence[str] | Mapping[str, Parameter]) -> dict[str, Parameter]:
     if isinstance(given, Mapping):
-        return {name: (number(value, f"the value of '{name}'"), make) for name, (value, make) in given.items()}
-    if isinstance(given, str):
+        pairs = {
+            name: one for name, one in given.items() if isinstance(one, tuple) and len(one) == 2 and callable(one[1])
+        }
+        if len(pairs) < len(given):
+            raise ProblemError("a parameter with a function is (value, function); give such a pair for each name")
+        return {name: (number(value, f"the value of '{name}'"), make) for name, (value, make) in pairs.items()}
+    if isinstance(given, str) or not isinstance(given, Sequence) or not all(isinstance(name, str) for name in given):
         raise ProblemError(f"parameters is {described(given)}; give a list of names")
     return {name: _in_statement(stated, name) for name in given}
 
@@ -355,7 +368,7 @@ def _in_statement(stated: ContactProblem, name: str) -> Parameter:
     keys = name.split(".")
     value = _value(stated, keys, name)
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise ProblemError(f"parameter '{name}' is {described(value)} in the problem; name a number")
+        raise ProblemError(f"parameter {quoted(name)} is {described(value)} in the problem; name a number")
     return float(value), lambda moved: _with(stated, keys, moved)
 
 
@@ -370,7 +383,9 @@ def _value(part: object, keys: Sequence[str], name: str) -> object:
                 part = getattr(part, key)
         except (KeyError, IndexError, ValueError, AttributeError):
             where = ".".join(keys[:depth]) or "the problem"
-            raise ProblemError(f"parameter '{name}': {where} has no '{key}'; name it as in 'material.E'") from None
+            raise ProblemError(
+                f"parameter {quoted(name)}: {quoted(where)} has no {quoted(key)}; name it as in 'material.E'"
+            ) from None
     return part
 
 
@@ -397,7 +412,9 @@ def _quantity(equations: _Equations, quantity: str | tuple[Array, Array]) -> _Va
     u, lam, problem = equations.u, equations.lam, equations.problem
     nothing = _Values(np.nan, np.zeros_like(u), np.zeros_like(lam), lambda _: 0.0, np.zeros_like(lam), np.zeros_like(u))
     if not isinstance(quantity, str):
-        by_u, by_lam = (np.asarray(one, dtype=float) for one in quantity)
+        if not isinstance(quantity, tuple | list) or len(quantity) != 2:
+            raise ProblemError(f"quantity is {described(quantity)}; give a name, or slopes by unknowns and multiplier")
+        by_u, by_lam = (real_array(one, "the slopes of a quantity", finite=False) for one in quantity)
         if by_u.shape != u.shape or by_lam.shape != lam.shape:
             raise ProblemError(
                 f"the slopes of a quantity have shapes {by_u.shape} and {by_lam.shape}; give {u.shape} and {lam.shape}"
@@ -443,7 +460,7 @@ def _quantity(equations: _Equations, quantity: str | tuple[Array, Array]) -> _Va
                 )
             return _support_force(equations, nothing, boundary, axis)
     raise ProblemError(
-        f"quantity '{quantity}' is not known; give energy, normal-force, max-pressure, max-penetration, "
+        f"quantity {quoted(quantity)} is not known; give energy, normal-force, max-pressure, max-penetration, "
         "contact.NAME.force.x, support.NAME.force.x or displacement.NODE.x"
     )
 

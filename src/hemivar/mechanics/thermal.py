@@ -145,8 +145,7 @@ class HeatContact(PickleMixin):
         It is ``closed + per_pressure p^exponent``, or the table of ``conductances`` at ``pressures``; times that of
         ``factors`` at the mean ``temperatures`` of both sides. Tables are linear between their points.
         """
-        tables = (tuple(values) for values in (pressures, conductances, temperatures, factors))
-        return ContactConductance(closed, per_pressure, exponent, *tables)
+        return ContactConductance(closed, per_pressure, exponent, pressures, conductances, temperatures, factors)
 
     @property
     def law(self) -> Superpotential:

@@ -28,6 +28,7 @@ from hemivar.laws import (
     Superpotential,
 )
 from hemivar.laws.description import LawDescription
+from hemivar.laws.piecewise_law import PiecewiseLaw
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing, with_unit
 
@@ -221,7 +222,8 @@ def law_captions(problem: DiscreteProblem) -> list[str]:
     law = problem.law
     if not isinstance(law, ContactLaw):
         return [_proper(law.name)]
-    parts = [part for part in getattr(law.normal, "parts", (law.normal,)) if not isinstance(part, NoContact)]
+    several = [part for part, _ in law.normal.parts] if isinstance(law.normal, PiecewiseLaw) else []
+    parts = [part for part in several or [law.normal] if not isinstance(part, NoContact)]
     lines = [f"{_proper(part.name)} law{_constants(part)}" for part in parts]
     if law.state_dependent:
         lines.append(_state_dependent(law.friction))

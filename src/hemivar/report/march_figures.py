@@ -86,7 +86,7 @@ def plot_march(
     Parameters
     ----------
     history : History, or mapping of name to array
-        Or the table of one, such as :func:`hemivar.files.history_table.read_history_table` returns.
+        Or the table of one, as read from a file.
     kind : str
     columns : sequence of str
         For ``"loop"`` two, for ``"columns"`` those to draw.

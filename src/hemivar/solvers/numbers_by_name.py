@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.basics.arguments import expect, quoted, suggest
+from hemivar.basics.arguments import described, expect, quoted, suggest
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 
-__all__ = ["check_quantity", "parted", "quantity_of", "unit_of"]
+__all__ = ["check_quantity", "checked_names", "parted", "quantity_of", "unit_of"]
 
 
 def _most(values: Array) -> float:
@@ -83,6 +83,13 @@ def check_quantity(name: object, problem: ContactProblem) -> str:
     if text in _NUMBERS or (whole in forces and (parts is None or (parts[2] or 0) < problem.mesh.dim)):
         return text
     raise ProblemError(f"quantity {quoted(text)} is not known{suggest(text, [*_NUMBERS, *forces])}")
+
+
+def checked_names(names: object) -> tuple[str, ...]:
+    """Names of numbers as options keep them, whatever problem they are of."""
+    if isinstance(names, str) or not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
+        raise ProblemError(f"columns is {described(names)}; give names, such as ['max-pressure']")
+    return tuple(names)
 
 
 def quantity_of(solution: Solution, name: str) -> float:

@@ -39,7 +39,7 @@ from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status
 from hemivar.solvers.methods import as_method
-from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
+from hemivar.solvers.numbers_by_name import check_quantity, checked_names, quantity_of, unit_of
 from hemivar.systems import Workspace
 from hemivar.workflows.convergence import Convergence, ErrorLevel
 from hemivar.workflows.events import MethodEvent, Phase, StartEvent, WarningEvent, Work
@@ -107,6 +107,7 @@ class StudyOptions:
     columns: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "columns", checked_names(self.columns))
         count = whole_number(self.refine, "refine", 1)
         if count > _MOST_REFINED:
             raise ProblemError(f"refine is {count}; a mesh can be halved {_MOST_REFINED} times at most")

@@ -35,7 +35,7 @@ from hemivar.files.resume_log import ResumeLog
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls, Status, solve
-from hemivar.solvers.numbers_by_name import check_quantity, quantity_of, unit_of
+from hemivar.solvers.numbers_by_name import check_quantity, checked_names, quantity_of, unit_of
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Notice, Phase, Work
 
@@ -168,6 +168,7 @@ class SweepOptions:
 
     def __post_init__(self) -> None:
         checked_code(self.code)
+        object.__setattr__(self, "columns", checked_names(self.columns))
         whole_number(self.jobs, "jobs", 1)
         expect(self.search, SolutionsOptions, "search", "pass SolutionsOptions(starts=...)")
         if self.search.controls.callback is not None:
@@ -363,7 +364,7 @@ def sweep(
         There are no parameters or too many points, or every point fails.
     """
     search = SolutionsOptions(starts, max_solutions, seed, Controls() if controls is None else controls)
-    options = SweepOptions(search, jobs, checkpoint, tuple(changes), code=code, columns=tuple(columns))
+    options = SweepOptions(search, jobs, checkpoint, tuple(changes), code=code, columns=columns)  # type: ignore[arg-type]
     return result_of(sweeping(problem, axes, options))
 
 

@@ -48,7 +48,8 @@ class TimeStudyOptions:
         if whole_number(self.refine, "refine", 1) > 12:
             raise ProblemError(f"refine is {self.refine}; give 12 halvings of the step at most")
         if self.known is not None and not isinstance(self.known, KnownField):
-            object.__setattr__(self, "known", KnownField(self.known, timed=True))
+            known: Sequence[str] = expect(self.known, Sequence, "known", "give a formula for each component")  # type: ignore[type-abstract]
+            object.__setattr__(self, "known", KnownField(known, timed=True))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
