@@ -16,30 +16,30 @@ LINES: dict[str, int] = {
     "JavaScript": 2184,
     "basics": 2042,  # claims of results; options stated by their dataclass
     "bounds": 7607,  # options of adaptive solves, moved here
-    "branches": 2970,  # forces of supports along a path; points that stick eliminated before a step
+    "branches": 2966,  # forces of supports along a path; points that stick eliminated before a step
     "certificates": 2015,  # bodies under the stress of the load
     "cli": 2913,  # hemivar steps; the page
     "discrete": 2512,  # links of displacements: ties and rigid plates
     "evolution": 6297,  # load steps; conductances by temperature
     "fem": 5636,  # springs, points, ties and rigid plates
-    "files": 3611,  # load steps, springs, points and plates in problem files
+    "files": 3614,  # load steps, springs, points and plates in problem files
     "formula": 1809,
     "gallery": 1367,
-    "identification": 1207,  # sensitivities by the adjoint
+    "identification": 1234,  # sensitivities by the adjoint
     "kernels": 420,
-    "laws": 10571,  # rock joints, bolts, friction of the slip rate
+    "laws": 10568,  # rock joints, bolts, friction of the slip rate
     "linear": 1954,  # factors without copies; patterns kept for pairs
-    "mechanics": 4770,  # load steps, springs, points, rigid plates, minimal supports
+    "mechanics": 4769,  # load steps, springs, points, rigid plates, minimal supports
     "mesh": 4778,  # Exodus; coordinate systems of Nastran; entities of Gmsh; mirrored parts
     "modules": 148,  # names of kinds
     "ranks": 2865,  # refusals of ties and plates
-    "report": 4368,  # the page that is stapled to a calculation
-    "solvers": 3498,  # numbers of a solution by name; motions of plates
+    "report": 4374,  # the page that is stapled to a calculation
+    "solvers": 3502,  # numbers of a solution by name; motions of plates
     "studio": 1367,  # laws of the user
     "survey": 1471,
     "systems": 2353,  # constants of many planes by Cholesky
     "templates": 325,
-    "workflows": 1870,  # studies over time steps; columns of sweeps and studies
+    "workflows": 1873,  # studies over time steps; columns of sweeps and studies
 }
 #: Files that are counted by their language; all others by their package.
 LANGUAGES = {".cpp": "C++", ".hpp": "C++", ".js": "JavaScript"} | dict.fromkeys((".html", ".css", ".toml"), "templates")
