@@ -183,8 +183,6 @@ def test_supports_name_sets_of_nodes_of_a_file(tmp_path: Path) -> None:
     one, other = hv.solve(named), hv.solve(by_point)
     assert np.array_equal(one.displacement, other.displacement)
     assert np.array_equal(one.reactions["pin"], other.reactions["here"])
-    hv.write_problem(replace(named, mesh=mesh), tmp_path / "problem.toml")
-    assert hv.read_problem(tmp_path / "problem.toml").supports == supports
 
 
 def test_sets_of_nodes_follow_refinement_and_assembly() -> None:

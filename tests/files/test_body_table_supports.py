@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.files.problem_file import parse_problem
 from hemivar.mechanics import RigidPlate, Spring
+from tests.fem.test_point_supports import MSH
 
 HEAD = """
 mesh = { rectangle = [2.0, 1.0], cells = [4, 2] }
@@ -89,3 +91,18 @@ time = { until = 1.0, step = 0.5 }
 def test_bad_supports_are_refused_with_their_place(text: str, says: str) -> None:
     with pytest.raises(ProblemError, match=says):
         parse_problem(f"{HEAD}[supports]\n{text}\n")
+
+
+def test_supports_of_sets_of_nodes_are_written_by_their_names(tmp_path: Path) -> None:
+    (tmp_path / "body.msh").write_text(MSH)
+    supports = {"pin": hv.Clamped(), "right": hv.Fixed(x=0.0)}
+    named = hv.ContactProblem(hv.read_mesh(tmp_path / "body.msh"), hv.Material.young(10.0, 0.3), {}, supports)
+    hv.write_problem(replace(named, body_force=(1.0, -1.0)), tmp_path / "problem.toml")
+    assert hv.read_problem(tmp_path / "problem.toml").supports == supports
+
+
+def test_motions_of_a_plate_are_in_the_record() -> None:
+    plate = RigidPlate(force=(0.0, -0.4))
+    supports = {"bottom": "clamped", "top": plate}
+    solution = hv.solve(hv.ContactProblem(hv.rectangle(cells=2), hv.Material.young(10.0, 0.3), {}, supports))
+    assert solution.to_dict()["plates"]["top"] == solution.plates["top"]
