@@ -21,7 +21,6 @@ import hemivar
 from hemivar.basics.stated import Argument, Form
 from hemivar.evolution import March
 from hemivar.evolution.schemes.by_name import SCHEME_ENTRIES
-from hemivar.files.schema import rows_of
 from hemivar.laws import Superpotential
 from hemivar.laws.named import LawEntry, LawKind
 from hemivar.laws.registry import COUPLED_LAWS, FRICTION_LAWS, MEMORIES, NORMAL_LAWS
@@ -160,6 +159,8 @@ def written() -> dict[Path, str]:
     files[LAWS / "__init__.py"] = exports(LAWS / "__init__.py", laws)
     stub = HOUSE / "evolution" / "__init__.pyi"
     files[stub] = with_stubs(stub.read_text(encoding="utf-8"), "schemes", all_names["hemivar.evolution.schemes"])
+    from hemivar.files.schema import rows_of  # only here: tests of the method alone import this module
+
     (row,) = (row for row in rows_of(March) if row.startswith("| `scheme` |"))
     pages["problem-file.md"] = re.sub(r"\| `scheme` \|.*", lambda _: row, pages["problem-file.md"])
     return files | {DOCS / name: text for name, text in pages.items()}
