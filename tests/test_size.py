@@ -25,7 +25,7 @@ LINES: dict[str, int] = {
     "files": 3614,  # load steps, springs, points and plates in problem files
     "formula": 1809,
     "gallery": 1367,
-    "identification": 1234,  # sensitivities by the adjoint
+    "identification": 1238,  # sensitivities by the adjoint
     "kernels": 420,
     "laws": 10568,  # rock joints, bolts, friction of the slip rate
     "linear": 1954,  # factors without copies; patterns kept for pairs

@@ -239,6 +239,21 @@ def test_at_a_kink_both_sides_are_told_and_a_direction_takes_the_right_one() -> 
         assert slope == pytest.approx(expected, abs=1e-9) == pytest.approx(ends, abs=1e-6)
 
 
+def test_a_gap_at_a_kink_has_both_sides_too() -> None:
+    """A gap moves the local displacement itself: closing it presses, opening it does nothing."""
+    solution, key = hv.solve(moved_block(-0.1, hv.Signorini(), gap=0.1)), "contact.bottom.gap"
+    assert sensitivity(solution, "normal-force", [key]).sides[key] == pytest.approx((-10.0, 0.0), abs=1e-9)
+    for by, expected in ((1.0, 0.0), (-1.0, 10.0)):
+        slope = sensitivity(solution, "normal-force", [key], direction={key: by})["direction"]
+        assert slope == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_law_that_moves_its_own_kink_is_refused() -> None:
+    solution = hv.solve(moved_block(-0.1, hv.laws.FinitePenetration(0.0, 0.05), gap=0.05))
+    with pytest.raises(ProblemError, match="at a kink"):
+        sensitivity(solution, "normal-force", ["contact.bottom.normal.limit"])
+
+
 def test_a_fold_is_told() -> None:
     """Where glue softens as fast as the body unloads, equilibria lie next to one another."""
     solution = hv.solve(moved_block(0.05, hv.laws.Adhesive(30.0, 0.3, softening=10.0, compression=50.0)))

@@ -144,8 +144,13 @@ def sensitivity(
             )
     changes = {name: equations.changed_by(one, values) for name, one in given.items()}
     for name, change in changes.items():
-        slope = change.quantity - float(adjoint_u @ change.forces + (adjoint_r * change.places).sum())
-        derivatives[name] = slope
+        if np.any(change.graph[kinks]):
+            raise ProblemError(
+                f"{quoted(name)} changes the law of a contact point that lies at a kink of it, where there is no "
+                "derivative; change the parameter a little"
+            )
+        off = equations.off_graph(change, equations.slopes)
+        derivatives[name] = change.quantity - float(adjoint_u @ change.forces + (adjoint_r * off).sum())
         if kinks.size:
             left, right = (side * equations.towards(values, [(change, side)]) for side in (-1.0, 1.0))
             if abs(left - right) > _SAME * max(abs(left), abs(right)):
@@ -181,7 +186,8 @@ class _Change:
     """Derivatives of the equations by a parameter, at a solution that stays."""
 
     forces: Array  # (n,)
-    places: Array  # (m, c)
+    local: Array  # (m, c): of the local displacements, as by a gap
+    graph: Array  # (m, c): of the displacements on the graph of the law
     quantity: float
 
 
@@ -298,31 +304,30 @@ class _Equations:
             if other.unknowns != self.u.size or other.contact.shape != self.r.shape:
                 raise ProblemError("a parameter changes the number of unknowns; give one that leaves the mesh as it is")
             forces = other.bulk.gradient(self.u) - other.load + other.contact.force(self.lam)
-            places = np.where(self._still, 0.0, other.local(self.u) - self.chart(other.law).at(self._place(other)).r)
-            ends.append((forces, places, values.at(other)))
+            ends.append((forces, other.local(self.u), self.chart(other.law).at(self.p).r, values.at(other)))
         return _Change(*((one - two) / (2.0 * step) for one, two in zip(*ends, strict=True)))
 
-    def _place(self, other: DiscreteProblem) -> Array:
-        return spread(self.a, self.r.shape[1]) * other.local(self.u) + self.lam
+    def off_graph(self, change: _Change, slopes: Array) -> Array:
+        """How far a change takes the local displacements off the graph (m, c), on the pieces of these slopes."""
+        along = change.local - np.einsum("mij,mj->mi", slopes, spread(self.a, self.r.shape[1]) * change.local)
+        return np.where(self._still, 0.0, along - change.graph)
 
     def towards(self, values: _Values, changes: Sequence[tuple[_Change, float]]) -> float:
         """The derivative to one side: the linearised inequality, on the pieces that the solution goes to."""
-        forces, places = np.zeros_like(self.u), np.zeros_like(self.lam)
-        for change, by in changes:
-            forces, places = forces - by * change.forces, places - by * change.places
-        right, explicit = np.concatenate([forces, places.ravel()]), sum(one.quantity * by for one, by in changes)
+        parts = ("forces", "local", "graph", "quantity")
+        whole = _Change(*(sum(by * getattr(one, part) for one, by in changes) for part in parts))
         wide, n, slopes = spread(self.a, self.r.shape[1]), self.u.size, self.slopes
         for _ in range(_ROUNDS):
-            moved = self.factor(slopes).solve(right)
+            moved = self.factor(slopes).solve(-np.concatenate([whole.forces, self.off_graph(whole, slopes).ravel()]))
             du, dlam = moved[:n], moved[n:].reshape(self.r.shape) * wide
-            dr = (self.problem.contact.trace @ du).reshape(self.r.shape)
+            dr = (self.problem.contact.trace @ du).reshape(self.r.shape) + whole.local
             dp = wide * dr + dlam
             ahead = self.p + 1e-9 * self.size / max(float(np.abs(dp).max(initial=0.0)), 1e-300) * dp
             onward = self.chart(self.problem.law).at(ahead).jacobian
             if np.allclose(onward, slopes, rtol=1e-6, atol=1e-9 / float(self.a.max(initial=1.0))):
                 break
             slopes = onward
-        return float(values.by_unknowns @ du + (values.by_multiplier * dlam).sum() + explicit)
+        return float(values.by_unknowns @ du + (values.by_multiplier * dlam).sum() + whole.quantity)
 
     def near_kinks(self, near: float) -> IntArray:
         """Contact points whose graph turns within a distance."""
